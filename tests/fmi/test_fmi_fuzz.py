@@ -398,6 +398,13 @@ linux = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory
 
 
 @linux
+def test_instances_of_one_fmu_share_its_program_until_the_last_is_gone(folder, runtime):
+    if runtime is Runtime.PYTHON:
+        pytest.skip("Python reads the file")
+    assert master("mapped", str(folder / "body.fmu"), 5) == {"places": [1, 1, 0], "alike": True}
+
+
+@linux
 @pytest.mark.slow
 def test_a_thousand_instances_one_after_another_cost_what_the_library_loses_and_no_more(folder, runtime):
     # pythonfmu's library loses about 5 kB per instantiation: names of classes, and its search path for modules.

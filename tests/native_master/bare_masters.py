@@ -131,8 +131,12 @@ def stability_under(path, loads):
 
 
 def damaged_files(path, damages):
-    """Instantiation from damaged programs: [damage, refused, log lines], then from the sound one."""
+    """Instantiation from damaged programs: [damage, refused, log lines], then from the sound one.
+
+    Another instance has the sound one open meanwhile.
+    """
     fmu = Fmu(path)
+    other = fmu.instantiate()
     program = fmu.folder / "resources" / "body.prog"
     data = program.read_bytes()
     changed = {
@@ -154,6 +158,14 @@ def damaged_files(path, damages):
         instance = fmu.instantiate()
         found.append([name, instance is None, [list(line) for line in fmu.log]])
     program.write_bytes(data)
+    # In place: what is open is altered, too.
+    with program.open("r+b") as file:
+        file.seek(-100, os.SEEK_END)
+        file.write(bytes([data[-100] ^ 1]))
+    fmu.log.clear()
+    found.append(["altered number", fmu.instantiate() is None, [list(line) for line in fmu.log]])
+    program.write_bytes(data)
+    other.free()
     return {"found": found, "sound": sound(moving(fmu))}
 
 
@@ -278,6 +290,23 @@ def fatal(path, kind):
 
 
 # Long runs.
+
+
+def mapped(path, count):
+    """How often a process with so many instances has their program in its memory; the same after they are gone."""
+    fmu = Fmu(path)
+
+    def places():
+        return sum("body.prog" in line for line in Path("/proc/self/maps").read_text().splitlines())
+
+    instances = [moving(fmu) for _ in range(count)]
+    found = [places()]
+    instances.pop().free()
+    alike = len({json.dumps(view(one)) for one in instances}) == 1
+    found.append(places())
+    for one in instances:
+        one.free()
+    return {"places": [*found, places()], "alike": alike}
 
 
 def many_instances(path, count, warm_up):

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "algebra.h"
-#include "files.h"
+#include "opened.h"
 #include "propagation.h"
 #include "tree.h"
 
@@ -18,19 +18,17 @@ static void (*const demands[])(const Body *body, Arena *arena) = {
     stability_demand, judgement_demand, inertia_demand, compliance_demand, certificate_demand, surface_demand,
 };
 
-/* Constant numbers of a body, then its workspace; the sum of all where `arena` counts only. */
+/* Numbers of a body, then its workspace; the sum of all where `arena` counts only. */
 static void lay_out(Body *body, Arena *arena) {
-    const int64_t m = body->p.modes;
-    body->stiffness = take(arena, m);
+    const int64_t m = body->p->modes;
     body->zeta = take(arena, m);
     body->rate = take(arena, m);
-    body->coupled = take(arena, crossed(&body->p) * m * m);
-    body->square = take(arena, crossed(&body->p) * m * m);
+    body->coupled = take(arena, crossed(body->p) * m * m);
+    body->square = take(arena, crossed(body->p) * m * m);
     body->four = take(arena, LANES * m);
     take_configuration(body, arena, &body->memo);
     take_rules(body, arena);
     take_deformed(body, arena, &body->deformed);
-    body->softens = take(arena, (body->p.loads + 2) / 3);
     body->end_q = take(arena, m);
     body->end_v = take(arena, m);
     body->work_size = 0;
@@ -44,113 +42,128 @@ static void lay_out(Body *body, Arena *arena) {
 }
 
 /* Which rows each part bends. */
-static void gather_bends(Body *body) {
-    const Program *p = &body->p;
-    int64_t *row = body->bent_row;
+static void gather_bends(Opened *opened) {
+    const Program *p = &opened->p;
+    int64_t *row = opened->bent_row;
     const double *curvature = p->curvature;
     for (int64_t part = 0; part < p->parts; part++) {
-        Bend *bend = body->bends + part;
+        Bend *bend = opened->bends + part;
         bend->row = row;
         bend->curvature = curvature;
-        bend->start = body->bend_rows;
+        bend->start = opened->bend_rows;
         for (int64_t i = 0; p->curved && i < 6 * p->nodes; i++)
             if (p->part[i] == part) {
-                body->turned_start[i] = bend->start + (row - bend->row) * p->extent[part];
+                opened->turned_start[i] = bend->start + (row - bend->row) * p->extent[part];
                 *row++ = i;
             }
         bend->count = row - bend->row;
         curvature += packed_total(bend->count, p->extent[part]);
-        body->bend_rows += (bend->count + LANES - 1) / LANES * LANES * p->extent[part];
+        opened->bend_rows += (bend->count + LANES - 1) / LANES * LANES * p->extent[part];
     }
 }
 
-/* Give the body its arrays, and what follows from its program once; 0 without memory. */
-static int furnish(Body *body) {
-    Arena arena = {0};
-    const int64_t nodes = body->p.nodes;
-    body->bends = calloc((size_t)body->p.parts + 1, sizeof *body->bends);
-    body->bent_row = calloc((size_t)(6 * nodes), sizeof *body->bent_row);
-    body->turned_start = calloc((size_t)(6 * nodes), sizeof *body->turned_start);
-    body->need = calloc((size_t)(3 * nodes), sizeof *body->need);
-    if (!body->bends || !body->bent_row || !body->turned_start || !body->need) return 0;
-    body->memo_need = body->need + nodes;
-    body->lumped = body->memo_need + nodes;
-    memset(body->lumped, 1, (size_t)body->p.frames * sizeof *body->lumped);
-    for (int64_t i = 0; i < body->p.lumps; i++)
-        body->lumped[body->p.frames + body->p.interfaces + body->p.masses + i].offset = 1;
-    gather_bends(body);
-    lay_out(body, &arena);
-    body->arena = calloc((size_t)arena.used, sizeof(double));
-    body->pivot = calloc((size_t)(2 * body->p.modes + body->p.pulls), sizeof(int64_t));
-    if (!body->arena || !body->pivot) return 0;
-    body->arena_size = arena.used;
-    arena = (Arena){body->arena, 0, body->arena_size, 0};
-    lay_out(body, &arena);
-    const Program *p = &body->p;
-    for (int64_t j = 0; j < p->modes; j++) body->stiffness[j] = p->omega[j] * p->omega[j];
-    find_reach(body);
-    const StepLimits usual = {0.0, 1e-3, 4096.0};
-    body_options(body, 1.0, &usual);
+/* What follows from a program once; 0 without memory. */
+static int complete(Opened *opened) {
+    const Program *p = &opened->p;
+    const int64_t nodes = p->nodes, m = p->modes;
+    opened->stiffness = calloc((size_t)(m + (p->loads + 2) / 3), sizeof(double));
+    opened->bends = calloc((size_t)p->parts + 1, sizeof *opened->bends);
+    opened->bent_row = calloc((size_t)(6 * nodes), sizeof *opened->bent_row);
+    opened->turned_start = calloc((size_t)(6 * nodes), sizeof *opened->turned_start);
+    opened->lumped = calloc((size_t)nodes, sizeof *opened->lumped);
+    if (!opened->stiffness || !opened->bends || !opened->bent_row || !opened->turned_start || !opened->lumped) return 0;
+    opened->softens = opened->stiffness + m;
+    memset(opened->lumped, 1, (size_t)p->frames * sizeof *opened->lumped);
+    for (int64_t i = 0; i < p->lumps; i++) opened->lumped[p->frames + p->interfaces + p->masses + i].offset = 1;
+    gather_bends(opened);
+    for (int64_t j = 0; j < m; j++) opened->stiffness[j] = p->omega[j] * p->omega[j];
+    find_reach(opened);
     return 1;
 }
 
-/* The body with the program that its image is; closed, with words in `why`, where it cannot be. */
-static Body *opened(Body *body, Image base, const char **why) {
-    *why = open_program((Image){body->image, body->image_size}, base, &body->p);
-    if (!*why && furnish(body)) return body;
-    if (!*why) *why = NO_MEMORY;
-    body_close(body);
-    return 0;
-}
-
-Body *body_open(const void *image, int64_t size, const char **why) {
-    *why = NO_MEMORY;
+/* A body of what is open; null, which is one user less, with words in `why` without memory. */
+static Body *body_of(Opened *opened, const char **why) {
     Body *body = calloc(1, sizeof *body);
-    if (!body) return 0;
-    body->copy = size > 0 ? malloc((size_t)size + IMAGE_ALIGNMENT) : 0;
-    if (!body->copy) {
+    Arena arena = {0};
+    *why = NO_MEMORY;
+    if (!body) {
+        leave_opened(opened);
+        return 0;
+    }
+    body->opened = opened;
+    body->p = &opened->p;
+    lay_out(body, &arena);
+    body->arena = calloc((size_t)arena.used, sizeof(double));
+    body->need = calloc((size_t)(2 * body->p->nodes), sizeof *body->need);
+    body->pivot = calloc((size_t)(2 * body->p->modes + body->p->pulls), sizeof(int64_t));
+    if (!body->arena || !body->need || !body->pivot) {
         body_close(body);
         return 0;
     }
-    char *to = body->copy;
+    body->memo_need = body->need + body->p->nodes;
+    body->arena_size = arena.used;
+    arena = (Arena){body->arena, 0, body->arena_size, 0};
+    lay_out(body, &arena);
+    const StepLimits usual = {0.0, 1e-3, 4096.0};
+    body_options(body, 1.0, &usual);
+    *why = 0;
+    return body;
+}
+
+/* A body of the image of `made`, which may take arrays from `base`; null, which frees it, with words in `why` where it cannot be. */
+static Body *body_made(Opened *made, Opened *base, const char **why) {
+    *why = open_program(made->image, base ? base->image : (Image){0, 0}, &made->p);
+    if (!*why && !complete(made)) *why = NO_MEMORY;
+    if (*why) {
+        leave_opened(made);
+        return 0;
+    }
+    if (program_base(made->image.bytes)) made->base = base;
+    share_opened(made);
+    return body_of(made, why);
+}
+
+Body *body_open(const void *image, int64_t size, const char **why) {
+    Opened *made = calloc(1, sizeof *made);
+    *why = NO_MEMORY;
+    if (made && size > 0) made->copy = malloc((size_t)size + IMAGE_ALIGNMENT);
+    if (!made || !made->copy) {
+        leave_opened(made);
+        return 0;
+    }
+    char *to = made->copy;
     while ((uintptr_t)to % IMAGE_ALIGNMENT) to++;
-    body->image = memcpy(to, image, (size_t)size);
-    body->image_size = size;
-    return opened(body, (Image){0, 0}, why);
+    made->image = (Image){memcpy(to, image, (size_t)size), size};
+    return body_made(made, 0, why);
 }
 
 Body *body_open_file(const char *folder, const char *name, const Body *base, const char **why) {
+    Opened *made = calloc(1, sizeof *made), *of = base ? base->opened : 0;
     *why = NO_MEMORY;
-    Body *body = calloc(1, sizeof *body);
-    if (!body) return 0;
-    body->image = map_file(folder, name, &body->image_size);
-    if (body->image) return opened(body, base ? (Image){base->image, base->image_size} : (Image){0, 0}, why);
+    if (!made) return 0;
+    made->image.bytes = map_file(folder, name, &made->image.size, &made->mark);
+    Opened *found = made->image.bytes ? find_opened(&made->mark, of) : 0;
+    if (made->image.bytes && !found) return body_made(made, of, why);
+    leave_opened(made);
     *why = 0;
-    body_close(body);
-    return 0;
+    return found ? body_of(found, why) : 0;
 }
 
-uint64_t body_mark(const Body *body) { return program_mark(body->image); }
+uint64_t body_mark(const Body *body) { return program_mark(body->opened->image.bytes); }
 
-int64_t body_bytes(const Body *body) {
-    return body->image_size + 8 * body->arena_size;
-}
+int64_t body_bytes(const Body *body) { return body->opened->image.size + 8 * body->arena_size; }
 
 void body_close(Body *body) {
     if (!body) return;
+    leave_opened(body->opened);
     free(body->arena);
-    free(body->bends);
-    free(body->bent_row);
-    free(body->turned_start);
     free(body->need);
     free(body->pivot);
-    if (body->image && !body->copy) unmap_file(body->image, body->image_size);
-    free(body->copy);
     free(body);
 }
 
 int body_options(Body *body, double damping_scale, const StepLimits *limits) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     if (!(isfinite(damping_scale) && damping_scale >= 0.0 && isfinite(limits->longest) && limits->longest >= 0.0 &&
           isfinite(limits->tolerance) && limits->tolerance > 0.0 && isfinite(limits->most) && limits->most >= 1.0))
@@ -172,7 +185,7 @@ int body_options(Body *body, double damping_scale, const StepLimits *limits) {
      * frames stretch the modes' linear springs without any cause. */
     double *share = body->square, *weighed = body->coupled;
     for (int64_t i = 0; i < m; i++)
-        for (int64_t k = 0; k < m; k++) share[k * m + i] = (i == k ? 1.0 : 0.0) - p->tie_welded[i * m + k] / body->stiffness[k];
+        for (int64_t k = 0; k < m; k++) share[k * m + i] = (i == k ? 1.0 : 0.0) - p->tie_welded[i * m + k] / body->opened->stiffness[k];
     for (int64_t k = 0; k < m; k++)
         for (int64_t i = 0; i < m; i++) {
             const double factor = share[k * m + i] * 2.0 * body->zeta[k] * p->omega[k];

@@ -20,8 +20,8 @@ const char *core_sources(void);
 
 /* Make a body of an image that takes arrays from no other, which is copied; null with words in `why` where it cannot be. */
 Body *body_open(const void *image, int64_t size, const char **why);
-/* Make a body of the file `name` in a folder, whose memory it shares with others; it may take arrays from that of `base`, or null,
- * which must stay open. `why` is null where there is no such file. */
+/* Make a body of the file `name` in a folder, whose program it shares with others; it may take arrays from that of `base`, or
+ * null. `why` is null where there is no such file. */
 Body *body_open_file(const char *folder, const char *name, const Body *base, const char **why);
 /* What tells a program from others: the checksum in its head. */
 uint64_t body_mark(const Body *body);

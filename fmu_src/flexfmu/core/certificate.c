@@ -28,7 +28,7 @@ typedef struct {
 enum { REACH, SOFT, OWN, WITHIN, FLAT, STRAIN, FOUND };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     if (!p->embedded) return;
     take_configuration(body, arena, &room->at);
@@ -71,12 +71,12 @@ void certificate_demand(const Body *body, Arena *arena) {
     Room room;
     take_configuration(body, arena, &at);
     take_stretch(body, arena, &stretch);
-    if (body->p.embedded) take(arena, ROOM);
+    if (body->p->embedded) take(arena, ROOM);
     take_room(body, arena, &room);
 }
 
 int is_shadow(const Body *shadow, const Body *body) {
-    const Program *s = &shadow->p, *p = &body->p;
+    const Program *s = shadow->p, *p = body->p;
     return s->embedded == p->modes && s->rigid == p->rigid && s->loads == p->loads && s->interfaces == p->interfaces && (!p->ties || p->ties == s->ties);
 }
 
@@ -90,7 +90,7 @@ static void places_in(const Program *p, const Configuration *at, double *out) {
 
 /* The same where frames turn, and nothing within them is of second order. */
 static void places_by_frames(const Body *body, Configuration *at, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     if (due(body->slice, (double)p->modes)) memset(at->bent, 0, (size_t)(p->parts * p->modes) * sizeof(double));
     configure_places(body, 0, at);
     if (due(body->slice, (double)(12 * p->interfaces))) places_in(p, at, out);
@@ -115,7 +115,7 @@ static double apart(const double *a, const double *b, int64_t interfaces, double
 /* Forces and tangent of the shadow at its coordinates. Its joints do not quite fit there, and their own tension would lead
  * astray: the tangent has that of the body's. */
 static void forces_of(Body *shadow, Room *room, const double *inputs) {
-    const Program *p = &shadow->p;
+    const Program *p = shadow->p;
     const int64_t m = p->modes;
     configure(shadow, room->q, &room->at);
     if (over(shadow->slice)) return;
@@ -134,7 +134,7 @@ enum { ITERATIONS = 8 };
 /* The material's own stiffness where it is now, without tension, times a direction (e) in coordinates of unit energy; twice its
  * energy is returned. Where leaves are bent, what stretched them at rest is soft without any load. */
 static double own_stiffness(const Body *shadow, const Room *room, const double *shape, double *out, int64_t e) {
-    const Program *p = &shadow->p;
+    const Program *p = shadow->p;
     double *rates = room->rates;
     memset(rates, 0, (size_t)p->rigid * sizeof(double));
     for (int64_t i = 0; i < e; i++) rates[p->rigid + i] = shape[i] / p->omega[p->rigid + i];
@@ -147,7 +147,7 @@ static double own_stiffness(const Body *shadow, const Room *room, const double *
 /* The smallest eigenvalue of the shadow's tangent over its material's own stiffness, with its factor at hand, that the deflection
  * has a part in; 1 at the most: at rest and in what stiffens. */
 static void find_softest(Room *room, const Body *shadow, int64_t e) {
-    const Program *p = &shadow->p;
+    const Program *p = shadow->p;
     const double cost = (double)(6 * p->stretches * p->modes + 10 * e);
     double *shape = room->factor, *work = room->work, *size = room->found + SOFT;
     if (due(shadow->slice, cost)) {
@@ -167,7 +167,7 @@ static void find_softest(Room *room, const Body *shadow, int64_t e) {
  * its tangent; 0 where that is not stable. In motion inertia holds what is left of the body's own forces, and so it does in
  * the shadow. */
 static int newton_step(Body *shadow, Room *room, const double *inputs) {
-    const Program *p = &shadow->p;
+    const Program *p = shadow->p;
     const int64_t m = p->modes, first = p->rigid, e = m - first;
     Slice *slice = shadow->slice;
     forces_of(shadow, room, inputs);
@@ -175,7 +175,7 @@ static int newton_step(Body *shadow, Room *room, const double *inputs) {
     const Rows now = rows_due(slice, e, (double)(13 * e));
     for (int64_t i = now.at; i < now.end; i++) {
         const int64_t a = first + i;
-        const double held = shadow->stiffness[a] * room->q[a] + dot(p->embedding + a * p->embedded, room->rest, p->embedded);
+        const double held = shadow->opened->stiffness[a] * room->q[a] + dot(p->embedding + a * p->embedded, room->rest, p->embedded);
         room->left[a] = (room->left[a] - held) / p->omega[a];
         for (int64_t j = 0; j < e; j++) room->scaled[i * e + j] = room->tangent[a * m + first + j] / (p->omega[a] * p->omega[first + j]);
     }
@@ -191,9 +191,9 @@ static int newton_step(Body *shadow, Room *room, const double *inputs) {
 
 /* The largest linear deflection of an interface under forces on the body's coordinates. */
 static double deflection_by(const Body *body, const double *force, Room *room) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     double largest = 0.0;
-    for (int64_t j = 0; j < p->modes; j++) room->rigid[j] = j < p->rigid ? 0.0 : force[j] / body->stiffness[j];
+    for (int64_t j = 0; j < p->modes; j++) room->rigid[j] = j < p->rigid ? 0.0 : force[j] / body->opened->stiffness[j];
     for (int64_t i = 0; i < p->interfaces; i++) {
         double moved[3];
         rows_times(p->load_operator + 3 * i * p->modes, room->rigid, moved, 3, p->modes);
@@ -220,7 +220,7 @@ static const double MARGIN = 1.25;
 
 /* The deflection by which sections flatten. */
 static double moved_by_flattening(Body *body, Room *room, const double *q) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     Arena arena = work_arena(body);
     Stretch at;
     take_stretch(body, &arena, &at);
@@ -247,7 +247,7 @@ static const double CALLS = 2500.0, OF_VECTORS = 0.3;
 
 /* What the body itself tells at q: what is left of its forces, its places, how far they are from where it began. */
 static int body_at(Body *body, const Body *shadow, const double *inputs, const double *q, Room *room) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t n = p->modes;
     const double cost = CALLS + OF_VECTORS * configuration_cost(body);
     Slice *slice = shadow->slice;
@@ -255,16 +255,16 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
     Configuration at;
     if (due(slice, cost)) {
         if (body_forces(body, inputs, q, room->rest, 0) != FLEX_OK) return fails(slice);
-        for (int64_t j = 0; j < n; j++) room->rest[j] -= body->stiffness[j] * q[j];
+        for (int64_t j = 0; j < n; j++) room->rest[j] -= body->opened->stiffness[j] * q[j];
     }
-    const Rows now = rows_due(slice, shadow->p.modes, (double)(2 * n));
-    rows_times(shadow->p.embedding + now.at * n, q, room->q + now.at, now.end - now.at, n);
+    const Rows now = rows_due(slice, shadow->p->modes, (double)(2 * n));
+    rows_times(shadow->p->embedding + now.at * n, q, room->q + now.at, now.end - now.at, n);
     take_configuration(body, &arena, &at);
     if (arena.refused) return fails(slice);
     if (due(slice, cost)) {
         configure(body, q, &at);
         places_in(p, &at, room->moved);
-        memset(room->tense, 0, (size_t)(12 * shadow->p.ties) * sizeof(double));
+        memset(room->tense, 0, (size_t)(12 * shadow->p->ties) * sizeof(double));
         if (p->ties) tie_tension(body, &at, room->tense);
         places_by_frames(body, &at, room->plain);
         room->found[OWN] = apart(room->moved, room->plain, p->interfaces, room->bent);
@@ -281,10 +281,10 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
 }
 
 void pieces_of_error(Body *body, Body *shadow, const double *inputs, const double *q, Arena arena, Slice *slice) {
-    const int64_t interfaces = body->p.interfaces;
+    const int64_t interfaces = body->p->interfaces;
     Room *room = room_in(shadow, &arena);
     /* Joints of a shadow with loops opened were loops of the body, which a first step closes. */
-    const int opened = shadow->p.ties > body->p.ties;
+    const int opened = shadow->p->ties > body->p->ties;
     shadow->slice = slice;
     if (due(slice, 0.0)) {
         memset(room->found, 0, FOUND * sizeof(double));
@@ -297,7 +297,7 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
         }
         configure(shadow, room->q, &room->at);
         if (due(slice, (double)(400 * interfaces))) {
-            places_in(&shadow->p, &room->at, room->other);
+            places_in(shadow->p, &room->at, room->other);
             apart(room->moved, room->other, interfaces, room->error);
         }
         places_by_frames(shadow, &room->at, room->plain);
@@ -305,8 +305,8 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
             const double own = room->found[OWN], finer = apart(room->other, room->plain, interfaces, room->bent);
             room->found[WITHIN] = fmax(own - fabs(own - finer), 0.0);
         }
-        if (due(slice, (double)(body->p.stretches * body->p.modes * body->p.modes))) room->found[FLAT] = moved_by_flattening(body, room, q);
-        if (due(slice, (double)(6 * body->p.strains * body->p.modes))) room->found[STRAIN] = body_strain(body, q);
+        if (due(slice, (double)(body->p->stretches * body->p->modes * body->p->modes))) room->found[FLAT] = moved_by_flattening(body, room, q);
+        if (due(slice, (double)(6 * body->p->strains * body->p->modes))) room->found[STRAIN] = body_strain(body, q);
     } else if (!slice || slice->failed) {
         room->found[SOFT] = 0.0;
     }
@@ -314,10 +314,10 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
 }
 
 void error_found(const Body *body, const Body *shadow, Arena arena, double *error, double *deflection, double *share, double *bound) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const Room *room = room_in(shadow, &arena);
     const double *found = room->found;
-    const int opened = shadow->p.ties > p->ties;
+    const int opened = shadow->p->ties > p->ties;
     *deflection = fmax(*deflection, found[REACH]);
     *share = *bound = share_of(p, room->error, *deflection);
     /* A shadow with loops opened: its frames are others, and stiff joints that turned are soft only against their start. */

@@ -23,7 +23,7 @@ typedef struct {
 } Room;
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     take_configuration(body, arena, &room->at);
     take_loads(body, arena, &room->loads);
@@ -50,7 +50,7 @@ void compliance_demand(const Body *body, Arena *arena) {
 /* Factors in room->lower of 1 + g_q (T - Lambda) / 2, of the step's own equation with its mean linearised about the step's
  * end: half the loads' stiffness acts at its end, half at its start. 0 where it is singular. */
 static int factor_response(Body *body, const double *inputs, double step, const double *q, Room *room, const Rule **used) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     const Rule *rule = rule_of(body, step);
     const double *tense = 0;
@@ -61,7 +61,7 @@ static int factor_response(Body *body, const double *inputs, double step, const 
         /* Between steps stiff springs ring; halfway through what they do next, their tension is that of the motion. */
         modal_force(body, &room->loads, 1, &room->at, 0, &room->scratch, room->force);
         for (int64_t j = 0; j < m; j++)
-            room->force[j] = rule->gq[j] * (room->force[j] + dot(p->tie_initial + j * m, q, m) - body->stiffness[j] * q[j]);
+            room->force[j] = rule->gq[j] * (room->force[j] + dot(p->tie_initial + j * m, q, m) - body->opened->stiffness[j] * q[j]);
         if (pull_at(body, rule, &room->at, body->pivot, &room->pull)) {
             respond(body, rule, &room->pull, room->force, 0, room->row);
             for (int64_t j = 0; j < m; j++) room->row[j] *= 0.5;
@@ -72,7 +72,7 @@ static int factor_response(Body *body, const double *inputs, double step, const 
     tangent_stiffness(body, &room->loads, 1, &room->at, tense, &room->rest, room->tangent);
     for (int64_t i = 0; i < m; i++)
         for (int64_t j = 0; j < m; j++) {
-            const double slope = room->tangent[i * m + j] - (i == j ? body->stiffness[i] : 0.0);
+            const double slope = room->tangent[i * m + j] - (i == j ? body->opened->stiffness[i] : 0.0);
             const double coupled = crossed(p) ? body->coupled[i * m + j] / step : 0.0;
             room->lower[i * m + j] = (i == j ? 1.0 : 0.0) + rule->gq[i] * (0.5 * slope + coupled);
         }
@@ -81,7 +81,7 @@ static int factor_response(Body *body, const double *inputs, double step, const 
 
 /* Derivative (m) of the modal force by a load: force or moment `c` on an interface, whose motion is `motion` (6, m). */
 static void force_by_load(const Body *body, const Configuration *at, int64_t interface, int c, const double *motion, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, k = p->frames + interface, load = 6 * interface + c;
     const double *moved = p->load_operator + 3 * interface * m, *turned = p->load_operator + 3 * (p->interfaces + interface) * m;
     int follows = 0;
@@ -107,7 +107,7 @@ static void force_by_load(const Body *body, const Configuration *at, int64_t int
 
 int body_compliance(Body *body, const double *inputs, double step, const double *q, const int64_t *interfaces,
                      int64_t n, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, size = 3 * m;
     const Rule *rule;
     Arena arena = work_arena(body);
@@ -136,7 +136,7 @@ int body_compliance(Body *body, const double *inputs, double step, const double 
 }
 
 int body_derivative(Body *body, const double *inputs, double step, const double *q, const double *direction, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     const Rule *rule;
     Arena arena = work_arena(body);

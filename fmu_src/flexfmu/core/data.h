@@ -1,13 +1,15 @@
 /* What a body consists of: its program, what is made of it once, and room for the work of a call.
  *
- * The program is constant; a `Body` holds besides it only workspaces and what follows from its options, so that results
- * depend on nothing but arguments. One call at a time may use a Body; different ones are independent. */
+ * A program and what follows from it are constant, and common to all its bodies. A `Body` holds only workspaces and what
+ * follows from its options, so that results depend on nothing but arguments. One call at a time may use a Body; different ones
+ * are independent. */
 #ifndef FLEX_DATA_H
 #define FLEX_DATA_H
 
 #include <stdint.h>
 
 #include "arena.h"
+#include "files.h"
 #include "program.h"
 #include "slice.h"
 
@@ -63,23 +65,38 @@ typedef struct {
 /* Where deformation was last looked at: the undeformed body at first. Memory of a body, which no result depends on. */
 typedef struct {
     double *q; /* (m) */
-    double rotation, strain, rotation_reach, strain_reach;
+    double rotation, strain;
 } Deformed;
 
-typedef struct Body {
+/* A program that is open, and what follows from it once. Only opened.c changes the list, its counts and `softens`. */
+typedef struct Opened {
     Program p;
+    Image image;         /* of a file, or a copy of its own */
+    void *copy;
+    FileMark mark;       /* of that file */
+    struct Opened *base; /* what it takes arrays from; null for none */
+    struct Opened *next;
+    int64_t users;
+    double *stiffness;     /* (m); `softens` lies behind it */
+    Bend *bends;           /* (parts) */
+    int64_t *bent_row;     /* of all parts in turn */
+    int64_t bend_rows;     /* numbers of Configuration.turned */
+    int64_t *turned_start; /* (6K): where those of each row begin */
+    Need *lumped;          /* (K): what inertia needs */
+    double rotation_reach, strain_reach; /* how fast deformation can grow with the coordinates */
+    double *softens;       /* (L / 3): bounds of what unit forces and moments take off the stability */
+    int softens_known;
+} Opened;
+
+typedef struct Body {
+    const Program *p;
+    Opened *opened;
     Slice *slice;         /* of what is done in pieces; null: all at once */
     double damping_scale;
     StepLimits limits;
-    double *stiffness;    /* (m) */
     double *zeta;         /* (m), scaled */
-    Bend *bends;          /* (parts) */
-    int64_t *bent_row;    /* of all parts in turn */
     double *four;         /* (m, 4): four rows of Configuration.turned in the making */
-    int64_t bend_rows;    /* numbers of Configuration.turned */
-    int64_t *turned_start; /* (6K): where those of each row begin */
     Need *need;           /* (K): of the step at hand */
-    Need *lumped;         /* (K): what inertia needs */
     Configuration memo;   /* of the q last seen: a step begins, and outputs are read, where the step before it ended */
     Need *memo_need;
     int memo_known;
@@ -89,16 +106,12 @@ typedef struct Body {
     Rule rules[RULES];
     int rule_count, rule_next, rule_limit;
     Deformed deformed;
-    double *softens;      /* (L / 3): bounds of what unit forces and moments take off the stability */
     double *end_q, *end_v; /* (m): where a step that is not accepted yet ends */
     double *work;         /* arrays of one call */
     int64_t *pivot;       /* (2m) */
     int64_t work_size, step_size; /* of any call, and of a step */
     double *arena;
     int64_t arena_size;   /* numbers */
-    const void *image;    /* the program's bytes: of a file, or a copy of its own */
-    void *copy;
-    int64_t image_size;
 } Body;
 
 /* Arrays of one call: all of the workspace. */

@@ -6,8 +6,8 @@
 #include "data.h"
 
 void take_deformed(const Body *body, Arena *arena, Deformed *deformed);
-/* How fast both can grow with the coordinates. */
-void find_reach(Body *body);
+/* How fast both can grow with the coordinates, once. */
+void find_reach(Opened *opened);
 
 /* Angle of each watched rotation within a frame, (turnings), rad; the largest. */
 double body_rotations(Body *body, const double *q, double *angles);

@@ -1,5 +1,7 @@
-#if !defined(_WIN32)
-#define _POSIX_C_SOURCE 200809L
+#if defined(__APPLE__)
+#define _DARWIN_C_SOURCE
+#elif !defined(_WIN32)
+#define _DEFAULT_SOURCE
 #endif
 #include "files.h"
 
@@ -17,7 +19,12 @@ extern unsigned char body_prog[] __attribute__((aligned(8)));
 #else
 #include <fcntl.h>
 #include <sys/mman.h>
+#include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
+#if defined(__GLIBC__)
+#include <sys/syscall.h>
+#endif
 #ifndef O_CLOEXEC
 #define O_CLOEXEC 0
 #endif
@@ -63,15 +70,11 @@ char *path_of_location(const char *location) {
 }
 
 #if defined(FLEX_BODY)
-const void *map_file(const char *folder, const char *name, int64_t *size) {
+const void *map_file(const char *folder, const char *name, int64_t *size, FileMark *mark) {
     (void)folder;
     *size = (int64_t)sizeof body_prog;
+    *mark = (FileMark){0, (uintptr_t)body_prog, sizeof body_prog, 0, 0};
     return strcmp(name, "body.prog") == 0 ? body_prog : 0;
-}
-
-void unmap_file(const void *bytes, int64_t size) {
-    (void)bytes;
-    (void)size;
 }
 #elif defined(__wasm__)
 /* What a page gives before it makes an instance; a file given again replaces the former. */
@@ -96,19 +99,23 @@ PAGE void *fmi2FlexfmuFile(const char *name, size_t size) {
 /* Room for arrays of calls. */
 PAGE void *fmi2FlexfmuRoom(size_t size) { return malloc(size); }
 
-const void *map_file(const char *folder, const char *name, int64_t *size) {
+const void *map_file(const char *folder, const char *name, int64_t *size, FileMark *mark) {
     (void)folder;
+    *mark = (FileMark){0, 0, 0, 0, 0};
     for (int i = 0; i < MOST_FILES && files[i].bytes; i++) {
         *size = files[i].size;
         if (strcmp(files[i].name, name) == 0) return files[i].bytes;
     }
     return 0;
 }
-
+#endif
+#if defined(FLEX_BODY) || defined(__wasm__)
 void unmap_file(const void *bytes, int64_t size) {
     (void)bytes;
     (void)size;
 }
+
+void wait_a_moment(void) {}
 #else
 static char *path_in(const char *folder, const char *name) {
     const size_t length = strlen(folder), extra = strlen(name);
@@ -142,7 +149,7 @@ static wchar_t *wide_path(const char *path) {
     return wide;
 }
 
-const void *map_file(const char *folder, const char *name, int64_t *size) {
+const void *map_file(const char *folder, const char *name, int64_t *size, FileMark *mark) {
     char *path = path_in(folder, name);
     wchar_t *wide = path ? wide_path(path) : 0;
     free(path);
@@ -151,6 +158,12 @@ const void *map_file(const char *folder, const char *name, int64_t *size) {
     free(wide);
     if (file == INVALID_HANDLE_VALUE) return 0;
     LARGE_INTEGER length = {0};
+    BY_HANDLE_FILE_INFORMATION told;
+    *mark = (FileMark){0, 0, 0, 0, 0};
+    if (GetFileInformationByHandle(file, &told))
+        *mark = (FileMark){told.dwVolumeSerialNumber, (uint64_t)told.nFileIndexHigh << 32 | told.nFileIndexLow,
+                           (uint64_t)told.nFileSizeHigh << 32 | told.nFileSizeLow, told.ftLastWriteTime.dwHighDateTime,
+                           told.ftLastWriteTime.dwLowDateTime};
     const HANDLE mapping = GetFileSizeEx(file, &length) && length.QuadPart > 0 ? CreateFileMappingW(file, 0, PAGE_READONLY, 0, 0, 0) : 0;
     /* The view keeps both open. */
     const void *bytes = mapping ? MapViewOfFile(mapping, FILE_MAP_READ, 0, 0, 0) : 0;
@@ -164,13 +177,32 @@ void unmap_file(const void *bytes, int64_t size) {
     (void)size;
     UnmapViewOfFile(bytes);
 }
+
+void wait_a_moment(void) { Sleep(1); }
 #else
-const void *map_file(const char *folder, const char *name, int64_t *size) {
+/* Newer C libraries have other names of this function: by the kernel's the library loads with glibc 2.17, too. */
+#if defined(__GLIBC__) && (defined(__x86_64__) || defined(__aarch64__))
+#define STATUS(file, status) syscall(SYS_fstat, file, status)
+#else
+#define STATUS(file, status) fstat(file, status)
+#endif
+#if defined(__APPLE__)
+#define CHANGED st_mtimespec
+#else
+#define CHANGED st_mtim
+#endif
+
+const void *map_file(const char *folder, const char *name, int64_t *size, FileMark *mark) {
     char *path = path_in(folder, name);
     if (!path) return 0;
     const int file = open(path, O_RDONLY | O_CLOEXEC);
     free(path);
     if (file < 0) return 0;
+    struct stat told;
+    *mark = (FileMark){0, 0, 0, 0, 0};
+    if (STATUS(file, &told) == 0)
+        *mark = (FileMark){(uint64_t)told.st_dev, (uint64_t)told.st_ino, (uint64_t)told.st_size, (uint64_t)told.CHANGED.tv_sec,
+                           (uint64_t)told.CHANGED.tv_nsec};
     const off_t length = lseek(file, 0, SEEK_END);
     void *bytes = length > 0 ? mmap(0, (size_t)length, PROT_READ, MAP_PRIVATE, file, 0) : MAP_FAILED;
     close(file);
@@ -179,5 +211,10 @@ const void *map_file(const char *folder, const char *name, int64_t *size) {
 }
 
 void unmap_file(const void *bytes, int64_t size) { munmap((void *)(uintptr_t)bytes, (size_t)size); }
+
+void wait_a_moment(void) {
+    const struct timespec moment = {0, 20000};
+    nanosleep(&moment, 0);
+}
 #endif
 #endif

@@ -9,10 +9,10 @@
 enum { TIE = 200 };
 
 void take_loads(const Body *body, Arena *arena, Loads *loads) {
-    const int64_t m = body->p.modes, n = body->p.nodes, square = body->p.by_load_given * m * m;
+    const int64_t m = body->p->modes, n = body->p->nodes, square = body->p->by_load_given * m * m;
     loads->force = take(arena, 3 * n);
     loads->moment = take(arena, 3 * n);
-    loads->follow = take(arena, body->p.followers ? 6 * body->p.interfaces : 0);
+    loads->follow = take(arena, body->p->followers ? 6 * body->p->interfaces : 0);
     loads->constant = take(arena, m);
     loads->f_constant = take(arena, m);
     loads->geometric = take(arena, square);
@@ -25,7 +25,7 @@ static int nonlinear(const Program *p) {
 }
 
 void spread(const Body *body, const double *inputs, Loads *loads) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, first = p->frames, count = p->interfaces;
     static const double none[3] = {0.0, 0.0, 0.0};
     const double *acceleration = p->masses ? inputs + 6 * count : none;
@@ -80,13 +80,13 @@ void spread(const Body *body, const double *inputs, Loads *loads) {
 
 void tie_levers(const Body *body, const Configuration *at, int64_t tie, int64_t node, double *out) {
     double turned[9];
-    multiply(at->rotation + 9 * node, body->p.tie_lever + 9 * tie, turned);
+    multiply(at->rotation + 9 * node, body->p->tie_lever + 9 * tie, turned);
     for (int c = 0; c < 3; c++)
         for (int i = 0; i < 3; i++) out[3 * c + i] = turned[3 * i + c];
 }
 
 double tie_tension(const Body *body, const Configuration *at, double *tense) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     double held = 0.0;
     for (int64_t t = 0; t < p->ties; t++) {
         const int64_t a = p->nodes - 2 * p->ties + t, b = a + p->ties;
@@ -106,7 +106,7 @@ double tie_tension(const Body *body, const Configuration *at, double *tense) {
 
 /* Add the loads of springs of a given tension to those on the nodes. */
 static void add_tie_loads(const Body *body, const Configuration *at, const double *tense, double *force, double *moment) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     for (int64_t t = 0; t < p->ties; t++)
         for (int end = 0; end < 2; end++) {
             const int64_t k = p->nodes - (2 - end) * p->ties + t;
@@ -122,7 +122,7 @@ static void add_tie_loads(const Body *body, const Configuration *at, const doubl
 }
 
 void add_followers(const Body *body, const Loads *loads, const Configuration *at, double *force, double *moment) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     for (int64_t i = 0; loads->following && i < p->followers; i++) {
         const int64_t k = p->frames + p->follower[i];
         double turned[3];
@@ -135,7 +135,7 @@ void add_followers(const Body *body, const Loads *loads, const Configuration *at
 }
 
 void take_force_room(const Body *body, Arena *arena, ForceRoom *room) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     room->tense = take(arena, 12 * p->ties);
     room->loads = take(arena, 6 * p->nodes);
     take_back(body, arena, &room->back);
@@ -144,7 +144,7 @@ void take_force_room(const Body *body, Arena *arena, ForceRoom *room) {
 
 void modal_force(const Body *body, const Loads *loads, int with_moments, const Configuration *at, const double *tense,
                  ForceRoom *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, n = p->nodes;
     const double *constant = with_moments ? loads->constant : loads->f_constant;
     const int moving = p->placement == PLACE_DEFORMED || p->ties;
@@ -186,11 +186,11 @@ void modal_force(const Body *body, const Loads *loads, int with_moments, const C
 }
 
 int has_potential(const Body *body) {
-    return body->p.placement != PLACE_CORRECTIVE_MOMENT && !body->p.by_mode_given;
+    return body->p->placement != PLACE_CORRECTIVE_MOMENT && !body->p->by_mode_given;
 }
 
 double force_work(const Body *body, const Loads *loads, const Configuration *at) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     double work = 0.0;
     if (p->placement == PLACE_DEFORMED)
@@ -205,12 +205,12 @@ double force_work(const Body *body, const Loads *loads, const Configuration *at)
 double work_reach(const Body *body, const double *force, int64_t n) {
     double sum = 0.0, far = 0.0;
     for (int64_t i = 0; i < n; i++) sum += norm(force + 3 * i, 3);
-    for (int64_t k = 0; k < body->p.nodes; k++) far = fmax(far, dot(body->p.point + 3 * k, body->p.point + 3 * k, 3));
+    for (int64_t k = 0; k < body->p->nodes; k++) far = fmax(far, dot(body->p->point + 3 * k, body->p->point + 3 * k, 3));
     return sum * sqrt(far);
 }
 
 void gap_derivative(const Body *body, const Configuration *at, const Jacobians *of, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const double *translation = of->translation, *spin = of->spin;
     const int64_t m = p->modes, size = 3 * m;
     for (int64_t t = 0; t < p->ties; t++) {
@@ -238,11 +238,11 @@ void gap_derivative(const Body *body, const Configuration *at, const Jacobians *
 
 void take_foreseen(const Body *body, Arena *arena, Foreseen *room) {
     take_jacobians(body, arena, &room->of);
-    room->gaps = take(arena, 12 * body->p.ties * body->p.modes);
+    room->gaps = take(arena, 12 * body->p->ties * body->p->modes);
 }
 
 void foreseen_tension(const Body *body, const Configuration *at, const double *change, Foreseen *room, double *tense) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     jacobians_at(body, at, &room->of);
     gap_derivative(body, at, &room->of, room->gaps);
@@ -254,7 +254,7 @@ void foreseen_tension(const Body *body, const Configuration *at, const double *c
 /* out += sum of Wᵀ (dm/dw) W of the moments of springs of a given tension, which turn with their points, negative. */
 static void subtract_moment_stiffness(const Body *body, const Configuration *at, const double *tense, const double *spin,
                                       double *scratch, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     for (int64_t t = 0; t < p->ties; t++)
         for (int end = 0; end < 2; end++) {
@@ -277,7 +277,7 @@ static void subtract_moment_stiffness(const Body *body, const Configuration *at,
 }
 
 void take_tangent_room(const Body *body, Arena *arena, TangentRoom *room) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, n = p->nodes;
     take_jacobians(body, arena, &room->of);
     take_load_slope(body, arena, &room->slope);
@@ -293,7 +293,7 @@ void take_tangent_room(const Body *body, Arena *arena, TangentRoom *room) {
 /* out (m, m) += what loads that turn with an interface change by its spin; they themselves join room->loads. */
 static void add_follower_stiffness(const Body *body, const Loads *loads, const Configuration *at, TangentRoom *room,
                                    double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, n = p->nodes;
     const double *translation = room->of.translation, *spin = room->of.spin;
     double *turned = room->turned, *row = room->row, hat[9];
@@ -313,7 +313,7 @@ static void add_follower_stiffness(const Body *body, const Loads *loads, const C
 /* out (m, m) += dQ/dq of loads on the moving body, and of springs of a given tension. */
 static void add_moving_stiffness(const Body *body, const Loads *loads, int with_moments, const Configuration *at,
                                  const double *tense, TangentRoom *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t n = p->nodes;
     double *force = room->loads, *moment = force + 3 * n;
     if (due(body->slice, (double)(TIE * p->ties + 18 * n + 6 * p->followers * p->modes * p->modes))) {
@@ -328,7 +328,7 @@ static void add_moving_stiffness(const Body *body, const Loads *loads, int with_
 
 /* out (m, m) += the stiffness of springs of a given tension, without that of their pull on the moving body. */
 static void add_tie_stiffness(const Body *body, const Configuration *at, const double *tense, TangentRoom *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     double *gaps = room->gaps, *row = room->row;
     gap_derivative(body, at, &room->of, gaps);
@@ -344,7 +344,7 @@ static void add_tie_stiffness(const Body *body, const Configuration *at, const d
 }
 
 static void add_mode_stiffness(const Body *body, const Configuration *at, double *square, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     memset(square, 0, (size_t)(m * m) * sizeof(double));
     add_rows(at->q, p->by_mode, square, m, m * m);
@@ -356,12 +356,12 @@ static void add_mode_stiffness(const Body *body, const Configuration *at, double
 
 void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, const Configuration *at,
                        const double *tense, TangentRoom *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     Rows now = rows_due(body->slice, m, (double)(4 * m));
     memset(out + now.at * m, 0, (size_t)((now.end - now.at) * m) * sizeof(double));
     if (!loads->active && !body->slice) {
-        for (int64_t j = 0; j < m; j++) out[j * m + j] = body->stiffness[j];
+        for (int64_t j = 0; j < m; j++) out[j * m + j] = body->opened->stiffness[j];
         return;
     }
     if (!tense && due(body->slice, (double)(TIE * p->ties))) tie_tension(body, at, room->tense);
@@ -383,7 +383,7 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
     if (over(body->slice)) return;
     now = rows_due(body->slice, m, (double)m);
     for (int64_t j = now.at * m; j < now.end * m; j++) out[j] = -out[j];
-    for (int64_t j = now.at; j < now.end; j++) out[j * m + j] += body->stiffness[j];
+    for (int64_t j = now.at; j < now.end; j++) out[j * m + j] += body->opened->stiffness[j];
     if (p->ties) add_tie_stiffness(body, at, pull, room, out);
     if (p->stretches) {
         stretch_at(body, at->q, &room->stretch);

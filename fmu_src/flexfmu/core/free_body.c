@@ -15,21 +15,21 @@ double total_mass(const Program *p) {
 }
 
 void take_end(const Body *body, Arena *arena, End *end) {
-    const int64_t n = coordinates(&body->p);
+    const int64_t n = coordinates(body->p);
     end->mass.whole = take(arena, n * n);
     end->mass.shift = take(arena, 3 * n);
     end->z = take(arena, n);
 }
 
 void take_turning(const Body *body, Arena *arena, Turning *room) {
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     room->modal = take(arena, m * m);
     room->matrix = take(arena, m * m);
-    if (body->p.inertial) take_flow(body, arena, &room->flow);
+    if (body->p->inertial) take_flow(body, arena, &room->flow);
     room->turned = take(arena, m);
     room->rates = take(arena, m);
-    room->followers = take(arena, body->p.followers ? 6 * body->p.nodes : 0);
-    room->inputs = take(arena, body->p.loads);
+    room->followers = take(arena, body->p->followers ? 6 * body->p->nodes : 0);
+    room->inputs = take(arena, body->p->loads);
 }
 
 void modal_rates(const Program *p, const double *z, const double *velocity, double *v) {
@@ -42,7 +42,7 @@ void modal_rates(const Program *p, const double *z, const double *velocity, doub
 
 /* The polynomial is that of the mass about the centre of mass: `shift` is that of the undeformed body until here. */
 static void shift_centre(const Body *body, const Configuration *at, Turning *room, Inertia *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t t = p->turn_axes, n = coordinates(p), m = p->modes;
     double *derivative = room->matrix;
     polynomial_centre(body, at->q, &room->flow.polynomial, out->centre, derivative);
@@ -59,7 +59,7 @@ static void shift_centre(const Body *body, const Configuration *at, Turning *roo
 }
 
 void inertia_at(const Body *body, const Configuration *at, Turning *room, Inertia *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, r = p->rigid, t = p->turn_axes, n = coordinates(p);
     const double mass = total_mass(p);
     memset(out->centre, 0, sizeof out->centre);
@@ -116,7 +116,7 @@ void along_axes(const Program *p, const double *z, double *spin) {
 }
 
 void spread_turned(const Body *body, const double *inputs, const double *forces, const double *moments, Turning *room) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     for (int64_t i = 0; i < p->loads / 3; i++)
         apply_back(i % 2 && i < 2 * p->interfaces ? moments : forces, inputs + 3 * i, room->inputs + 3 * i);
     /* What turns with its interface is in the body's own axes already. */
@@ -157,7 +157,7 @@ void end_momentum(const Program *p, const double *turned, const double *start, c
 }
 
 void resist(const Body *body, const Stretch *from, const Stretch *to, Turning *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     if (!p->stretches) return;
     memset(room->turned, 0, (size_t)p->modes * sizeof(double));
     subtract_stretch_force(body, from, to, room->turned);
@@ -166,7 +166,7 @@ void resist(const Body *body, const Stretch *from, const Stretch *to, Turning *r
 
 void push_of_followers(const Body *body, const Loads *loads, const Configuration *at, const double *centre, Turning *room,
                               double *total, double *about) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     if (!loads->following) return;
     double *force = room->followers, *moment = force + 3 * p->nodes, lever[3], turned[3];
     memset(force, 0, (size_t)(6 * p->nodes) * sizeof(double));
@@ -183,7 +183,7 @@ void push_of_followers(const Body *body, const Loads *loads, const Configuration
 
 void elastic_force(const Body *body, const Loads *loads, int with_moments, const Configuration *at, const double *shift,
                           const double *total, Turning *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t r = p->rigid, t = p->turn_axes, n = coordinates(p);
     if (!loads->active) {
         memset(out, 0, (size_t)(p->modes - r) * sizeof(double));
@@ -197,7 +197,7 @@ void elastic_force(const Body *body, const Loads *loads, int with_moments, const
 }
 
 void accelerations(Body *body, const double *inputs, const End *end, Turning *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, r = p->rigid, t = p->turn_axes, n = coordinates(p);
     double total[3], moment[3], lever[3], about[3], spin[3], momentum[3] = {0}, turned[3], still[3] = {0};
     spread_turned(body, inputs, end->rotation, end->rotation, room);
@@ -236,15 +236,15 @@ void accelerations(Body *body, const double *inputs, const End *end, Turning *ro
         cross(momentum, spin, turned);
         for (int64_t a = 0; a < t; a++) out[a] += dot(p->turn_axis + 3 * a, turned, 3);
     }
-    for (int64_t j = 0; j < m - r; j++) out[t + j] -= body->stiffness[r + j] * end->at->q[r + j];
+    for (int64_t j = 0; j < m - r; j++) out[t + j] -= body->opened->stiffness[r + j] * end->at->q[r + j];
     const int64_t solved = p->inertial ? n : t;
     for (int64_t i = 0; i < solved; i++) memcpy(room->matrix + i * solved, end->mass.whole + i * n, (size_t)solved * sizeof(double));
     if (lu_factor(room->matrix, body->pivot, solved, 0)) lu_solve(room->matrix, body->pivot, out, solved, 1, 0);
-    for (int64_t j = 0; j < m - r; j++) out[t + j] += body->stiffness[r + j] * end->at->q[r + j];
+    for (int64_t j = 0; j < m - r; j++) out[t + j] += body->opened->stiffness[r + j] * end->at->q[r + j];
 }
 
 void end_rates(const Body *body, const double *v, End *end) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, r = p->rigid, t = p->turn_axes, n = coordinates(p);
     double spin[3], moved[3], turned[3];
     for (int i = 0; i < 3; i++) {
@@ -259,7 +259,7 @@ void end_rates(const Body *body, const double *v, End *end) {
 }
 
 void enter_end(Body *body, const double *q, const double *v, End *end, Turning *room) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, r = p->rigid;
     double displacement[3], jacobian[9], arm[3];
     const double *turning = p->operator_ + 3 * p->nodes * m;
@@ -278,7 +278,7 @@ void enter_end(Body *body, const double *q, const double *v, End *end, Turning *
 }
 
 void leave_end(Body *body, const End *end, double *q, double *v) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, r = p->rigid, n = coordinates(p);
     double motion[6], moved[3], back[3], rate[3];
     apply(end->rotation, end->mass.centre, back);

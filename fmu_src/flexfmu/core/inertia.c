@@ -5,7 +5,7 @@
 #include "algebra.h"
 
 void take_flow(const Body *body, Arena *arena, Flow *flow) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t n = p->nodes, size = 3 * p->inertial_modes;
     if (!p->lumped) {
         take_polynomial(body, arena, &flow->polynomial);
@@ -28,16 +28,16 @@ static int64_t first_lump(const Program *p) { return p->frames + p->interfaces +
 
 /* Rates of all nodes for those of the first coordinates alone. */
 static void lump_rates(const Body *body, const Configuration *at, const double *v, Flow *flow) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t r = p->inertial_modes;
     memcpy(flow->rows, v, (size_t)r * sizeof(double));
     memset(flow->rows + r, 0, (size_t)(p->modes - r) * sizeof(double));
-    node_rates(body, body->lumped, at, flow->rows, &flow->rates);
+    node_rates(body, body->opened->lumped, at, flow->rows, &flow->rates);
 }
 
 /* Momenta of lumps and frames as loads on the nodes. */
 static void momenta(const Body *body, const Configuration *at, const double *v, Flow *flow) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t r = p->inertial_modes, first = first_lump(p);
     memset(flow->force, 0, (size_t)(3 * p->nodes) * sizeof(double));
     memset(flow->moment, 0, (size_t)(3 * p->nodes) * sizeof(double));
@@ -54,7 +54,7 @@ static void momenta(const Body *body, const Configuration *at, const double *v, 
 }
 
 void excess_momentum(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, r = p->inertial_modes;
     if (!p->lumped) {
         polynomial_momentum(body, at->q, v, &flow->polynomial, out);
@@ -76,27 +76,27 @@ void excess_momentum(const Body *body, const Configuration *at, const double *v,
 /* With V = J v, dT/dq is the change of Jᵀ along v, times the momenta: J is itself a derivative. For spins, whose derivatives
  * do not commute, what that leaves out cancels against the turn of the inertia with its frame. */
 void kinetic_gradient(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out) {
-    if (!body->p.lumped) {
+    if (!body->p->lumped) {
         polynomial_gradient(body, at->q, v, &flow->polynomial, out);
         return;
     }
     lump_rates(body, at, v, flow);
-    turn_rates(body, body->lumped, &flow->rates);
+    turn_rates(body, body->opened->lumped, &flow->rates);
     momenta(body, at, v, flow);
-    memset(out, 0, (size_t)body->p.modes * sizeof(double));
+    memset(out, 0, (size_t)body->p->modes * sizeof(double));
     pass_back_rate(body, at, &flow->rates, flow->force, flow->moment, &flow->back_rate, out);
 }
 
 void convective_force(const Body *body, const Configuration *at, const double *v, Flow *flow, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, r = p->inertial_modes, first = first_lump(p);
     if (!p->lumped) {
         polynomial_convective(body, at->q, v, &flow->polynomial, out);
         return;
     }
     lump_rates(body, at, v, flow);
-    turn_rates(body, body->lumped, &flow->rates);
-    node_accelerations(body, body->lumped, at, &flow->rates, flow->acceleration, flow->whirl);
+    turn_rates(body, body->opened->lumped, &flow->rates);
+    node_accelerations(body, body->opened->lumped, at, &flow->rates, flow->acceleration, flow->whirl);
     momenta(body, at, v, flow);
     memset(out, 0, (size_t)m * sizeof(double));
     for (int64_t i = 0; i < p->lumps; i++)
@@ -115,7 +115,7 @@ void convective_force(const Body *body, const Configuration *at, const double *v
 }
 
 void mass_centre(const Body *body, const Configuration *at, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t first = first_lump(p);
     double whole = 0.0;
     memset(out, 0, 3 * sizeof(double));
@@ -127,7 +127,7 @@ void mass_centre(const Body *body, const Configuration *at, double *out) {
 }
 
 void excess_mass(const Body *body, const Configuration *at, Flow *flow, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t r = p->inertial_modes, n = p->nodes, size = 3 * r, first = first_lump(p);
     double *moved = flow->moved, *turned = flow->turned, *rows = flow->one[0], *place = flow->one[1], *half = flow->one[2];
     if (!p->lumped) {
@@ -136,7 +136,7 @@ void excess_mass(const Body *body, const Configuration *at, Flow *flow, double *
     }
     memcpy(out, p->inertial_rest, (size_t)(r * r) * sizeof(double));
     for (int64_t k = 0; k < first + p->lumps; k++) {
-        if (!body->lumped[k].offset) continue;
+        if (!body->opened->lumped[k].offset) continue;
         const int64_t on = p->parent[k];
         const int frame = k < p->frames;
         double *x = frame ? moved + k * size : place, both[9], arm[3], hat[9];

@@ -272,7 +272,7 @@ static Answer choose(Instance *x, char *why) {
     chosen_name(x, name, sizeof name);
     Body *body = open_chosen(x, name, why);
     if (!body) return ANSWER_FAILED;
-    const Program *p = &body->p, *d = description(x);
+    const Program *p = body->p, *d = description(x);
     if (p->modes > d->modes || p->loads != d->loads || p->interfaces != d->interfaces || p->stress_sets != d->stress_sets ||
         strcmp(p->guid, d->guid) != 0) {
         snprintf(why, TEXT_SIZE, "%s is of another body; build the FMU again", name);
@@ -317,7 +317,7 @@ static Answer wrong_input(const Instance *x, int64_t input, const char *before, 
 Answer instance_begin(Instance *x, char *why) {
     if (choose(x, why) != ANSWER_OK) return ANSWER_FAILED;
     if (x->single[S_KNOWN] != 0.0) return ANSWER_OK;
-    const int64_t m = x->body->p.modes;
+    const int64_t m = x->body->p->modes;
     memset(x->q, 0, (size_t)x->modes * sizeof(double));
     memset(x->v, 0, (size_t)x->modes * sizeof(double));
     if (x->parameter[P_INITIALIZATION] == START_STATIC) {
@@ -395,7 +395,7 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
     }
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     if (step == 0.0) return ANSWER_OK;
-    const int64_t m = x->body->p.modes;
+    const int64_t m = x->body->p->modes;
     const int ramps = over_step(x, step);
     for (int64_t i = 0; i < x->loads; i++) {
         if (isfinite(x->start_inputs[i]) && isfinite(x->end_inputs[i])) continue;

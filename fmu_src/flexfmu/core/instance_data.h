@@ -80,7 +80,7 @@ enum {
     S_LOOKING = S_SEEN + sizeof(ErrorMemory) / sizeof(double), S_COUNT = S_LOOKING + sizeof(Looking) / sizeof(double)
 };
 
-static inline const Program *description(const Instance *x) { return &x->described->p; }
+static inline const Program *description(const Instance *x) { return x->described->p; }
 
 static inline int runs(const Instance *x) { return x->single[S_RUNNING] != 0.0; }
 

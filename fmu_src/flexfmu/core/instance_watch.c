@@ -77,7 +77,7 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
     Findings found;
     Answer answer = ANSWER_OK;
     /* A body at rest is where it was. */
-    const size_t size = (size_t)x->body->p.modes * sizeof(double);
+    const size_t size = (size_t)x->body->p->modes * sizeof(double);
     const int rests = step > 0.0 && (x->cached & CACHED_MOTION) && memcmp(q, x->q, size) == 0 && memcmp(v, x->v, size) == 0;
     x->cached = 0;
     if (!rests && !find_motion_at(x, q, v)) return instance_lacks_room(x, why);

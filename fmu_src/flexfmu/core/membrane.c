@@ -8,14 +8,14 @@
 #include "tree.h"
 
 void take_stretch(const Body *body, Arena *arena, Stretch *at) {
-    const int64_t count = body->p.stretches;
-    at->slope = take(arena, (count + LANES - 1) / LANES * LANES * body->p.modes);
+    const int64_t count = body->p->stretches;
+    at->slope = take(arena, (count + LANES - 1) / LANES * LANES * body->p->modes);
     at->bent = take(arena, count);
     at->whole = take(arena, count);
 }
 
 void stretch_at(const Body *body, const double *q, Stretch *at) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     for (int64_t r = 0; r < p->stretches; r += LANES) {
         four_rows(body, p->stretch + r / LANES * packed_size(m), q, at->slope + r * m, m);
@@ -29,13 +29,13 @@ void stretch_at(const Body *body, const double *q, Stretch *at) {
 
 double stretch_energy(const Body *body, const Stretch *at) {
     double energy = 0.0;
-    for (int64_t r = 0; r < body->p.stretches; r++)
-        energy += body->p.stretch_sign[r] * at->bent[r] * (2.0 * at->whole[r] - at->bent[r]);
+    for (int64_t r = 0; r < body->p->stretches; r++)
+        energy += body->p->stretch_sign[r] * at->bent[r] * (2.0 * at->whole[r] - at->bent[r]);
     return energy;
 }
 
 void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     for (int64_t r = 0; r < p->stretches; r++) {
         const double sign = p->stretch_sign[r];
@@ -46,7 +46,7 @@ void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b
 }
 
 void add_turned_stretch(const Body *body, const Stretch *at, const double *direction, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     for (int64_t r = 0; r < p->stretches; r++) {
         if (p->stretch_sign[r] < 0.0) continue;
@@ -57,7 +57,7 @@ void add_turned_stretch(const Body *body, const Stretch *at, const double *direc
 }
 
 void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     for (int64_t group = 0; group < p->stretches && !over(body->slice); group += LANES) {
         double whole[LANES] = {0.0};

@@ -31,7 +31,7 @@ void scale_inputs(const Scale *scale, const Program *p, const double *inputs, do
 
 /* An input as the master has set it. */
 static double given(const Monitor *monitor, const double *inputs, int64_t input) {
-    const int accelerates = input >= 6 * monitor->body->p.interfaces;
+    const int accelerates = input >= 6 * monitor->body->p->interfaces;
     return inputs[input] / (accelerates ? monitor->scale.acceleration : monitor->scale.force);
 }
 
@@ -51,7 +51,7 @@ typedef struct {
 } Where;
 
 static Where most_turned(const Body *body, const double *q) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     int64_t worst = 0;
     double most = -1.0;
     for (int64_t i = 0; i < p->turnings; i++) {
@@ -68,7 +68,7 @@ static Where most_turned(const Body *body, const double *q) {
 }
 
 static void rotation(Body *body, const Watch *watch, const double *q, Memory *memory, Findings *found) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const double limit = watch->limit * (double)p->turning_limit / 100.0;
     if (!(limit > 0.0) || silenced(watch, memory->warned[WATCH_ROTATION]) || deforms_within(body, q, limit, HUGE_VAL)) return;
     const double most = body_rotations(body, q, 0);
@@ -80,7 +80,7 @@ static void rotation(Body *body, const Watch *watch, const double *q, Memory *me
 }
 
 static void strain(Body *body, const Watch *watch, const double *q, Memory *memory, Findings *found) {
-    const double limit = watch->limit * (double)body->p.strain_limit / 100.0;
+    const double limit = watch->limit * (double)body->p->strain_limit / 100.0;
     if (!(limit > 0.0) || silenced(watch, memory->warned[WATCH_STRAIN]) || deforms_within(body, q, HUGE_VAL, limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_STRAIN]);
     if (text) snprintf(text, FINDING_TEXT, SAY_STRAIN, 100.0 * body_strain(body, q), 100.0 * limit);
@@ -109,7 +109,7 @@ static double farthest(const Program *p, const double *motion, int64_t *interfac
 }
 
 int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *why, size_t size) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     int64_t interface = 0;
     if (bounds->rotation > 0.0 && !deforms_within(body, end->q, bounds->rotation, HUGE_VAL)) {
         const Where at = most_turned(body, end->q);
@@ -125,7 +125,7 @@ int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *wh
 
 static void tell_stability(const Monitor *monitor, const double *inputs, Memory *memory, Findings *found) {
     const Watch *watch = monitor->watch + WATCH_STABILITY;
-    const Program *p = &monitor->body->p;
+    const Program *p = monitor->body->p;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_STABILITY]);
     if (!text) return;
     const Cause cause = cause_found(monitor->body, inputs, monitor->pieces->arena);
@@ -136,7 +136,7 @@ static void tell_stability(const Monitor *monitor, const double *inputs, Memory 
 
 static void tell_missed(const Monitor *monitor, const double *inputs, Memory *memory, Findings *found) {
     const Watch *watch = monitor->watch + WATCH_MISSED;
-    const Program *p = &monitor->body->p;
+    const Program *p = monitor->body->p;
     int stable;
     const double error = missed_found(monitor->body, monitor->pieces->arena, &stable);
     /* The quick looks are of every shape of the body, loaded or not. */
@@ -157,7 +157,7 @@ static void tell_missed(const Monitor *monitor, const double *inputs, Memory *me
 static void spinning(const Monitor *monitor, const double *q, const double *v, Memory *memory, Findings *found) {
     Body *body = monitor->body;
     const Watch *watch = monitor->watch + WATCH_SPIN;
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const double ratio = body_spin(body, q, v);
     if (!(watch->limit > 0.0) || !(ratio > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_SPIN]);
@@ -169,7 +169,7 @@ static void spinning(const Monitor *monitor, const double *q, const double *v, M
 }
 
 static void momentum(Body *body, const Watch *watch, const double *q, const double *v, Memory *memory, Findings *found) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     body_momentum(body, q, v, &memory->course.momentum);
     if (!(watch->limit > 0.0) || !(memory->course.momentum.drift > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_MOMENTUM]);
@@ -183,7 +183,7 @@ static void momentum(Body *body, const Watch *watch, const double *q, const doub
 static const double TURNING = 0.3, CHANCE = 1.2e6, BALANCED = 0.01;
 
 static void turning_round(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
-    const Program *p = &monitor->body->p;
+    const Program *p = monitor->body->p;
     const Watch *watch = monitor->watch + WATCH_STABILITY;
     double sum[3] = {0.0}, couple[3] = {0.0}, size = 0.0, most = 0.0, pulled = 0.0, *calm = &memory->course.calm;
     for (int64_t k = 0; k < p->interfaces; k++) {
@@ -235,7 +235,7 @@ static const char MORE[] = "more than ";
 
 static void tell_error(const Monitor *monitor, double deflection, Memory *memory, Findings *found) {
     const Watch *watch = monitor->watch + WATCH_ERROR;
-    const Program *p = &monitor->body->p;
+    const Program *p = monitor->body->p;
     ErrorMemory *seen = &memory->error;
     double share, bound;
     error_found(monitor->body, monitor->shadow, monitor->pieces->arena, monitor->errors, &deflection, &share, &bound);
@@ -256,17 +256,17 @@ static void tell_error(const Monitor *monitor, double deflection, Memory *memory
 static double error_due(const Monitor *monitor, const StepEnd *end, Memory *memory) {
     Body *body = monitor->body;
     const double *q = end->q;
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const Watch *watch = monitor->watch + WATCH_ERROR;
     ErrorMemory *seen = &memory->error;
     if (!monitor->shadow || !(watch->limit > 0.0)) return 0.0;
     double energy = 0.0;
     int64_t worst = 0;
-    for (int64_t j = 0; j < p->modes; j++) energy += body->stiffness[j] * q[j] * q[j];
+    for (int64_t j = 0; j < p->modes; j++) energy += body->opened->stiffness[j] * q[j] * q[j];
     seen->steps += 1.0;
     if (!p->rigid) seen->deflection = fmax(seen->deflection, farthest(p, end->motion, &worst));
     const double far = IN_TIME * watch->limit / seen->bound, always = monitor->interval <= 1.0;
-    const double patience = fmin(fmax(far, 1.0), PATIENCE) * monitor->interval * fmax(1.0, (double)monitor->shadow->p.modes / QUICK);
+    const double patience = fmin(fmax(far, 1.0), PATIENCE) * monitor->interval * fmax(1.0, (double)monitor->shadow->p->modes / QUICK);
     const int waited = seen->steps >= patience && fabs(energy - seen->energy) > MOVED * seen->largest;
     const double growth = fmin(fmax(far, GROWN), p->rigid ? GROWN : GROWN_FAR);
     if (!always && !waited && !(energy > growth * seen->largest)) return 0.0;
@@ -279,7 +279,7 @@ static double error_due(const Monitor *monitor, const StepEnd *end, Memory *memo
 /* What loads change: whether stability and stiffness that is missed are due to be looked at. */
 static void loads_due(const Monitor *monitor, const double *inputs, Memory *memory, double *due) {
     Body *body = monitor->body;
-    const int64_t loads = body->p.loads;
+    const int64_t loads = body->p->loads;
     const Watch *stability = monitor->watch + WATCH_STABILITY, *missed = monitor->watch + WATCH_MISSED;
     const double above = memory->beyond - stability->limit, weight = fmin(fmax(dot(inputs, inputs, loads), DBL_MIN), DBL_MAX);
     double *change = monitor->inputs;
@@ -300,7 +300,7 @@ int64_t look_size(const Body *body, const Body *shadow) {
     Arena of_body = {0}, of_shadow = {0}, of_judgement = {0};
     stability_demand(body, &of_body);
     if (shadow) certificate_demand(shadow, &of_shadow);
-    if (body->p.judged) judgement_demand(body, &of_judgement);
+    if (body->p->judged) judgement_demand(body, &of_judgement);
     return larger(larger(of_body.used, of_shadow.used), of_judgement.used);
 }
 
@@ -338,7 +338,7 @@ static void look_at_once(const Monitor *monitor, int kind, const double *q, cons
 /* Let a state be looked at, or wait. */
 static void submit(const Monitor *monitor, int kind, const StepEnd *end, double weight, Memory *memory) {
     Looking *now = &memory->looking;
-    const int64_t m = monitor->body->p.modes, loads = monitor->body->p.loads;
+    const int64_t m = monitor->body->p->modes, loads = monitor->body->p->loads;
     if (!(weight > now->waiting[kind])) return;
     now->waiting[kind] = weight;
     now->deflections[kind] = memory->error.deflection;
@@ -365,7 +365,7 @@ static void begin_look(const Monitor *monitor, int kind, int begun, Memory *memo
 /* A state that waits, of each look in turn. */
 static void next_look(const Monitor *monitor, Memory *memory) {
     Looking *now = &memory->looking;
-    const int64_t size = monitor->body->p.modes + monitor->body->p.loads;
+    const int64_t size = monitor->body->p->modes + monitor->body->p->loads;
     int kind = (int)now->look;
     for (int turn = 0; turn < WAITING; turn++) {
         kind = kind + 1 < WAITING ? kind + 1 : 0;
@@ -383,7 +383,7 @@ static void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
     Looking *now = &memory->looking;
     Pieces *pieces = monitor->pieces;
     Slice *slice = &pieces->slice;
-    const double *q = memory->states, *inputs = q + monitor->body->p.modes;
+    const double *q = memory->states, *inputs = q + monitor->body->p->modes;
     if (now->under_way == 0.0) next_look(monitor, memory);
     if (now->under_way == 0.0) return;
     const int kind = (int)now->look;
@@ -440,7 +440,7 @@ static int refuses(const Findings *found) {
 void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
     Body *body = monitor->body;
     const Watch *watch = monitor->watch;
-    const int64_t loads = body->p.loads;
+    const int64_t loads = body->p->loads;
     const double *q = end->q, *v = end->v, *inputs = end->inputs, square = dot(inputs, inputs, loads);
     double due[WAITING] = {0.0};
     found->count = 0;
@@ -450,12 +450,12 @@ void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *
     strain(body, watch + WATCH_STRAIN, q, memory, found);
     due[LOOK_ERROR] = error_due(monitor, end, memory);
     truncation(monitor, end, memory, found);
-    if (end->step > 0.0 && body->p.spins) {
+    if (end->step > 0.0 && body->p->spins) {
         spinning(monitor, q, v, memory, found);
         momentum(body, watch + WATCH_MOMENTUM, q, v, memory, found);
     }
-    if (end->step > 0.0 && body->p.mass_forms && !body->p.inertial) inertia(body, watch + WATCH_INERTIA, end, memory, found);
-    if (body->p.rigid == 6 && !body->p.followers) turning_round(monitor, end, memory, found);
+    if (end->step > 0.0 && body->p->mass_forms && !body->p->inertial) inertia(body, watch + WATCH_INERTIA, end, memory, found);
+    if (body->p->rigid == 6 && !body->p->followers) turning_round(monitor, end, memory, found);
     loads_due(monitor, inputs, memory, due);
     /* A step that may be refused, and the start, are looked at in full. */
     const Watch *of[WAITING] = {watch + WATCH_ERROR, watch + WATCH_STABILITY, watch + WATCH_MISSED};

@@ -30,15 +30,15 @@ static void take_motion(const Body *body, Arena *arena, Motion *room) {
     take_configuration(body, arena, &room->at);
     take_flow(body, arena, &room->flow);
     take_stretch(body, arena, &room->stretch);
-    if (turns_by_polynomial(&body->p)) {
+    if (turns_by_polynomial(body->p)) {
         take_turning(body, arena, &room->turning);
         take_end(body, arena, &room->end);
         room->end.at = &room->at;
-        room->unit = take(arena, body->p.modes * (3 + coordinates(&body->p)));
+        room->unit = take(arena, body->p->modes * (3 + coordinates(body->p)));
     }
-    room->tense = take(arena, 12 * body->p.ties);
-    room->momentum = take(arena, body->p.modes);
-    room->excess = take(arena, body->p.inertial_modes * body->p.inertial_modes);
+    room->tense = take(arena, 12 * body->p->ties);
+    room->momentum = take(arena, body->p->modes);
+    room->excess = take(arena, body->p->inertial_modes * body->p->inertial_modes);
 }
 
 void motion_demand(const Body *body, Arena *arena) {
@@ -69,12 +69,12 @@ void pushes_demand(const Body *body, Arena *arena) {
 
 void body_nodes(Body *body, const double *q, double *position, double *rotation) {
     const Configuration *at = whole_configuration(body, q);
-    memcpy(position, at->position, (size_t)(3 * body->p.nodes) * sizeof(double));
-    memcpy(rotation, at->rotation, (size_t)(9 * body->p.nodes) * sizeof(double));
+    memcpy(position, at->position, (size_t)(3 * body->p->nodes) * sizeof(double));
+    memcpy(rotation, at->rotation, (size_t)(9 * body->p->nodes) * sizeof(double));
 }
 
 int body_motion(Body *body, const double *q, const double *v, double *motion, double *rates) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     Arena arena = work_arena(body);
     const Configuration *at = whole_configuration(body, q);
     for (int64_t i = 0; i < p->interfaces; i++) {
@@ -96,7 +96,7 @@ int body_motion(Body *body, const double *q, const double *v, double *motion, do
 }
 
 void body_stress(Body *body, const double *q, double *largest) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     for (int64_t s = 0; s < p->stress_sets; s++) {
         double most = 0.0;
         for (int64_t i = p->stress_start[s]; i < p->stress_start[s + 1]; i++) {
@@ -111,14 +111,14 @@ void body_stress(Body *body, const double *q, double *largest) {
 }
 
 int body_energies(Body *body, const double *q, const double *v, double *strain, double *kinetic) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     Arena arena = work_arena(body);
     Motion room;
     take_motion(body, &arena, &room);
     if (arena.refused) return FLEX_NO_ROOM;
     *strain = 0.0;
-    for (int64_t j = 0; j < m; j++) *strain += 0.5 * body->stiffness[j] * q[j] * q[j];
+    for (int64_t j = 0; j < m; j++) *strain += 0.5 * body->opened->stiffness[j] * q[j] * q[j];
     *kinetic = 0.5 * dot(v, v, m);
     if (p->stretches) {
         stretch_at(body, q, &room.stretch);
@@ -146,7 +146,7 @@ int body_energies(Body *body, const double *q, const double *v, double *strain, 
 
 /* M of rates v by that of the centre of mass and of the root's own axes. */
 static void turning_mass(Body *body, const double *q, Motion *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, n = coordinates(p);
     const double mass = total_mass(p);
     End *end = &room->end;
@@ -170,17 +170,17 @@ static void turning_mass(Body *body, const double *q, Motion *room, double *out)
 }
 
 int body_mass(Body *body, const double *q, double *mass) {
-    const int64_t m = body->p.modes, r = body->p.inertial_modes;
+    const int64_t m = body->p->modes, r = body->p->inertial_modes;
     Arena arena = work_arena(body);
     Motion room;
     take_motion(body, &arena, &room);
     if (arena.refused) return FLEX_NO_ROOM;
-    if (turns_by_polynomial(&body->p)) {
+    if (turns_by_polynomial(body->p)) {
         turning_mass(body, q, &room, mass);
         return FLEX_OK;
     }
     for (int64_t i = 0; i < m * m; i++) mass[i] = i % (m + 1) == 0 ? 1.0 : 0.0;
-    if (!body->p.inertial) return FLEX_OK;
+    if (!body->p->inertial) return FLEX_OK;
     configure(body, q, &room.at);
     excess_mass(body, &room.at, &room.flow, room.excess);
     for (int64_t i = 0; i < r; i++)
@@ -189,7 +189,7 @@ int body_mass(Body *body, const double *q, double *mass) {
 }
 
 int body_forces(Body *body, const double *inputs, const double *q, double *force, double *tangent) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     Arena arena = work_arena(body);
     Pushes room;

@@ -7,12 +7,12 @@
 
 void add_times_bent(const Body *body, const double *turned, const double *factors, int64_t count, double *scratch,
                     double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, each = p->parts * m;
     if (!p->curved) return;
     memset(scratch, 0, (size_t)(count * each) * sizeof(double));
     for (int64_t part = 0; part < p->parts; part++) {
-        const Bend *bend = body->bends + part;
+        const Bend *bend = body->opened->bends + part;
         const int64_t r = p->extent[part];
         /* Rows that lie together by the run. Nothing is known of rows without a factor. */
         for (int64_t i = 0; i < count; i++)
@@ -35,7 +35,7 @@ void add_times_bent(const Body *body, const double *turned, const double *factor
 
 void add_times_derivative(const Body *body, const Configuration *at, const double *factors, int64_t count, double *scratch,
                           double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t rows = moving_rows(p), fours = (rows + 3) / 4;
     const Rows now = rows_due(body->slice, fours, (double)(6 * p->modes * count));
     const int64_t first = 4 * now.at, many = now.end == fours ? rows - first : 4 * now.end - first;
@@ -44,7 +44,7 @@ void add_times_derivative(const Body *body, const Configuration *at, const doubl
 }
 
 void gather(const Body *body, const Configuration *at, double *force, double *moment, double *rows) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     /* Children stand after their parents. */
     for (int64_t k = p->nodes - 1; k >= 0; k--) {
         const int64_t on = p->parent[k];
@@ -76,23 +76,23 @@ void gather(const Body *body, const Configuration *at, double *force, double *mo
 }
 
 void take_back(const Body *body, Arena *arena, Back *back) {
-    back->rows = take(arena, 6 * body->p.nodes);
-    back->bent = take(arena, body->p.parts * body->p.modes);
+    back->rows = take(arena, 6 * body->p->nodes);
+    back->bent = take(arena, body->p->parts * body->p->modes);
 }
 
 void pass_back(const Body *body, const Configuration *at, double *force, double *moment, Back *back, double *out) {
-    if (due(body->slice, (double)(100 * body->p.nodes))) gather(body, at, force, moment, back->rows);
+    if (due(body->slice, (double)(100 * body->p->nodes))) gather(body, at, force, moment, back->rows);
     add_times_derivative(body, at, back->rows, 1, back->bent, out);
 }
 
 /* Derivatives (6K, m) of b and phi by q. */
 static void full_operator(const Body *body, const Configuration *at, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     if (due(body->slice, (double)(6 * p->nodes * m))) memcpy(out, p->operator_, (size_t)(6 * p->nodes * m) * sizeof(double));
     if (!p->curved) return;
     for (int64_t part = 0; part < p->parts; part++) {
-        const Bend *bend = body->bends + part;
+        const Bend *bend = body->opened->bends + part;
         const double *basis = part_basis(p, part);
         const int64_t r = p->extent[part];
         const Rows now = rows_due(body->slice, bend->count, (double)(basis ? r * m : m));
@@ -108,14 +108,14 @@ static void full_operator(const Body *body, const Configuration *at, double *out
 }
 
 void take_jacobians(const Body *body, Arena *arena, Jacobians *of) {
-    const int64_t size = body->p.nodes * body->p.modes;
+    const int64_t size = body->p->nodes * body->p->modes;
     of->operator_ = take(arena, 6 * size);
     of->translation = take(arena, 3 * size);
     of->spin = take(arena, 3 * size);
 }
 
 void jacobians_at(const Body *body, const Configuration *at, Jacobians *of) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const double *operator_ = of->operator_;
     double *translation = of->translation, *spin = of->spin;
     full_operator(body, at, of->operator_);
@@ -141,7 +141,7 @@ void jacobians_at(const Body *body, const Configuration *at, Jacobians *of) {
 }
 
 void take_load_slope(const Body *body, Arena *arena, LoadSlope *slope) {
-    const int64_t m = body->p.modes, n = body->p.nodes;
+    const int64_t m = body->p->modes, n = body->p->nodes;
     slope->rows = take(arena, 6 * n);
     slope->total = take(arena, 3 * n);
     slope->about = take(arena, 3 * n);
@@ -153,7 +153,7 @@ void take_load_slope(const Body *body, Arena *arena, LoadSlope *slope) {
 
 /* What moments about each node gain as what lies beyond it moves: (K, 3, m), the sum of (x_d' - x_k') x f_d. */
 static void lever_changes(const Body *body, const double *force, const double *translation, double *change) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, n = p->nodes, size = 3 * m;
     Rows now = rows_due(body->slice, n, (double)(4 * size));
     for (int64_t k = now.at; k < now.end; k++) {
@@ -172,7 +172,7 @@ static void lever_changes(const Body *body, const double *force, const double *t
 
 /* out (m, m) += what rows (6K) of loads on b and phi make of the curvature. */
 static void add_curvature_stiffness(const Body *body, const double *rows, LoadSlope *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     double *one = room->one, *square = room->square;
     if (!p->curved) return;
@@ -181,7 +181,7 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
         const double *basis = part_basis(p, part);
         Rows now = rows_due(body->slice, r, (double)(3 * r));
         memset(square + now.at * r, 0, (size_t)((now.end - now.at) * r) * sizeof(double));
-        const Bend *bend = body->bends + part;
+        const Bend *bend = body->opened->bends + part;
         for (int64_t first = 0; first < bend->count; first += LANES) {
             double factors[LANES] = {0.0};
             for (int64_t k = first; k < first + LANES && k < bend->count; k++) factors[k - first] = rows[bend->row[k]];
@@ -204,7 +204,7 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
 
 /* out (m, m) += aᵀ b of three rows (3, m). */
 static void add_three_products(const Body *body, const double *a, const double *b, double *out) {
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     const Rows now = rows_due(body->slice, m, (double)(3 * m));
     for (int64_t i = 0; i < 3 && now.at < now.end && !all_zero(b, 3 * m); i++)
         if (now.end - now.at == m)
@@ -216,7 +216,7 @@ static void add_three_products(const Body *body, const double *a, const double *
 /* What turns with a node (3, m) as the loads on it and beyond it move. */
 static void turned_at(const Body *body, const Configuration *at, int64_t k, const Jacobians *of, const LoadSlope *room, double *one,
                       double *other) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, size = 3 * m, on = p->parent[k];
     const double *parent = at->parent + 9 * k, *about = room->about + 3 * k;
     double hat[9], local[3], slope[9];
@@ -243,7 +243,7 @@ static void turned_at(const Body *body, const Configuration *at, int64_t k, cons
 
 void add_load_stiffness(const Body *body, const Configuration *at, const double *force, const double *moment,
                         const Jacobians *of, LoadSlope *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, n = p->nodes, size = 3 * m;
     double *one = room->one, *other = room->other, hat[9];
     if (due(body->slice, (double)(100 * n))) {
@@ -270,11 +270,11 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
 }
 
 void row_derivative(const Body *body, const Configuration *at, int64_t row, int64_t count, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     memcpy(out, p->operator_ + row * m, (size_t)count * sizeof(double));
     if (!p->curved || p->part[row] < 0) return;
-    const double *basis = part_basis(p, p->part[row]), *turned = at->turned + body->turned_start[row];
+    const double *basis = part_basis(p, p->part[row]), *turned = at->turned + body->opened->turned_start[row];
     if (basis)
         add_strided_rows(turned, basis, m, out, p->extent[p->part[row]], count);
     else

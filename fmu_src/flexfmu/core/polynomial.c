@@ -5,19 +5,19 @@
 #include "algebra.h"
 
 void take_polynomial(const Body *body, Arena *arena, Polynomial *room) {
-    const int64_t pairs = body->p.mass_pairs, columns = body->p.modes + pairs;
+    const int64_t pairs = body->p->mass_pairs, columns = body->p->modes + pairs;
     room->x = take(arena, columns);
     room->slope = take(arena, columns);
-    room->value = take(arena, body->p.mass_forms);
+    room->value = take(arena, body->p->mass_forms);
     room->pairs = take(arena, pairs);
     room->rates = take(arena, pairs);
-    room->at = take(arena, body->p.modes);
+    room->at = take(arena, body->p->modes);
     room->known = 0;
 }
 
 /* M - 1 by pairs, or its rate, of x or its rate. */
 static void by_pairs(const Body *body, Polynomial *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t pairs = p->mass_pairs;
     rows_times(p->mass_value, room->x, room->value, p->mass_forms, p->modes + pairs);
     memset(out, 0, (size_t)pairs * sizeof(double));
@@ -35,10 +35,10 @@ static void powers(const Program *p, const double *q, double *x) {
 
 /* M - 1 by pairs at q, where it is not known already. */
 static void place(const Body *body, const double *q, Polynomial *room) {
-    const size_t size = (size_t)body->p.modes * sizeof(double);
+    const size_t size = (size_t)body->p->modes * sizeof(double);
     if (room->known && memcmp(room->at, q, size) == 0) return;
     memcpy(room->at, q, size);
-    powers(&body->p, q, room->x);
+    powers(body->p, q, room->x);
     by_pairs(body, room, room->pairs);
     room->known = 1;
 }
@@ -57,7 +57,7 @@ static void add_times(const double *pairs, const double *v, int64_t r, double *o
 }
 
 void polynomial_mass(const Body *body, const double *q, Polynomial *room, double *out) {
-    const int64_t r = body->p.inertial_modes;
+    const int64_t r = body->p->inertial_modes;
     const double *pair = room->pairs;
     place(body, q, room);
     for (int64_t a = 0; a < r; a++) {
@@ -67,7 +67,7 @@ void polynomial_mass(const Body *body, const double *q, Polynomial *room, double
 }
 
 void polynomial_diagonal(const Body *body, const double *q, Polynomial *room, double *out) {
-    const int64_t r = body->p.inertial_modes;
+    const int64_t r = body->p->inertial_modes;
     const double *pair = room->pairs;
     place(body, q, room);
     for (int64_t a = 0; a < r; pair += r - a, a++) out[a] = *pair;
@@ -75,21 +75,21 @@ void polynomial_diagonal(const Body *body, const double *q, Polynomial *room, do
 
 void polynomial_momentum(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
     place(body, q, room);
-    memset(out, 0, (size_t)body->p.modes * sizeof(double));
-    add_times(room->pairs, v, body->p.inertial_modes, out);
+    memset(out, 0, (size_t)body->p->modes * sizeof(double));
+    add_times(room->pairs, v, body->p->inertial_modes, out);
 }
 
 /* out (m) = derivative by q of what x changes by `slope`, which is spent. */
 static void by_coordinates(const Body *body, const double *q, Polynomial *room, double *out) {
-    double *pair = room->slope + body->p.modes;
-    memcpy(out, room->slope, (size_t)body->p.modes * sizeof(double));
+    double *pair = room->slope + body->p->modes;
+    memcpy(out, room->slope, (size_t)body->p->modes * sizeof(double));
     /* A pair's product changes by both of its factors. */
-    for (int64_t i = 0; i < body->p.mass_pairs; i++) pair[i] *= 2.0;
-    add_times(pair, q, body->p.inertial_modes, out);
+    for (int64_t i = 0; i < body->p->mass_pairs; i++) pair[i] *= 2.0;
+    add_times(pair, q, body->p->inertial_modes, out);
 }
 
 void polynomial_gradient(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t r = p->inertial_modes, pairs = p->mass_pairs;
     double *rate = room->rates;
     for (int64_t a = 0; a < r; a++)
@@ -109,9 +109,9 @@ int factor_mass(double *mass, int64_t n) {
 }
 
 void polynomial_centre(const Body *body, const double *q, Polynomial *room, double *centre, double *derivative) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t columns = p->modes + p->mass_pairs;
-    powers(&body->p, q, room->slope);
+    powers(body->p, q, room->slope);
     rows_times(p->mass_centre, room->slope, centre, 3, columns);
     for (int i = 0; i < 3; i++) {
         memcpy(room->slope, p->mass_centre + i * columns, (size_t)columns * sizeof(double));
@@ -120,7 +120,7 @@ void polynomial_centre(const Body *body, const double *q, Polynomial *room, doub
 }
 
 void polynomial_convective(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
-    const int64_t r = body->p.inertial_modes, m = body->p.modes;
+    const int64_t r = body->p->inertial_modes, m = body->p->modes;
     double *x = room->x + m;
     polynomial_gradient(body, q, v, room, out);
     for (int64_t j = 0; j < m; j++) out[j] = -out[j];

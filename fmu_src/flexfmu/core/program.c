@@ -159,6 +159,12 @@ uint64_t program_mark(const void *image) {
     return head.checksum;
 }
 
+uint64_t program_base(const void *image) {
+    Head head;
+    memcpy(&head, image, sizeof head);
+    return head.base;
+}
+
 /* Where an array lies: at word `place` of the image, or, negative, of its base; null where it does not lie within. */
 static const void *array_at(const Image *image, const Image *base, int64_t place, int64_t room, const char **used) {
     const Image *in = place < 0 ? base : image;

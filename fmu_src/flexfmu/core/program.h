@@ -34,8 +34,9 @@ typedef struct {
  * are. Returns null where every byte is as it must be, else what is wrong with it. */
 const char *open_program(Image image, Image base, Program *program);
 
-/* Of an image that was opened: the checksum in its head. */
+/* Of an image that was opened: the checksum in its head, and that of the one that it takes arrays from, 0 for none. */
 uint64_t program_mark(const void *image);
+uint64_t program_base(const void *image);
 
 /* The text number `index` of several that end in zero bytes; "" where there are fewer. */
 const char *text_at(const char *texts, int64_t bytes, int64_t index);

@@ -51,10 +51,10 @@ void propagate(const Rule *r, int64_t j, double w, double z) {
 
 /* Of a body with ties: modes that the step does not resolve go by the rule of the middle (17). */
 static void tie_rule(Body *body, Rule *r) {
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     for (int64_t j = 0; j < m; j++) {
-        const double square = body->stiffness[j], h = r->step;
-        if (body->p.omega[j] * h > RESOLVED) {
+        const double square = body->opened->stiffness[j], h = r->step;
+        if (body->p->omega[j] * h > RESOLVED) {
             const double a = 0.25 * square * h * h, b = 0.5 * body->rate[j] * h, whole = 1.0 + a + b;
             r->p11[j] = (1.0 - a + b) / whole;
             r->p12[j] = h / whole;
@@ -71,11 +71,11 @@ static void tie_rule(Body *body, Rule *r) {
 
 /* The response (17a) of modes that damp each other. */
 static void response_rule(Body *body, Rule *r) {
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     double *matrix = body->square;
     for (int64_t i = 0; i < m; i++)
         for (int64_t j = 0; j < m; j++) {
-            const double held = body->p.tied ? 0.5 * body->p.tie_initial[i * m + j] : 0.0;
+            const double held = body->p->tied ? 0.5 * body->p->tie_initial[i * m + j] : 0.0;
             const double coupling = body->coupled[i * m + j] / r->step - held;
             matrix[i * m + j] = r->gq[i] * coupling + (i == j ? 1.0 : 0.0);
             r->response[i * m + j] = i == j ? 1.0 : 0.0;
@@ -88,15 +88,15 @@ static void response_rule(Body *body, Rule *r) {
 
 void take_rule(const Body *body, Arena *arena, Rule *r) {
     double **each[9] = {&r->p11, &r->p12, &r->p21, &r->p22, &r->gq, &r->gv, &r->ramp, &r->ramp_rate, &r->lag};
-    for (int k = 0; k < 9; k++) *each[k] = take(arena, body->p.modes);
+    for (int k = 0; k < 9; k++) *each[k] = take(arena, body->p->modes);
 }
 
 void take_rules(Body *body, Arena *arena) {
-    const int64_t m = body->p.modes;
-    body->rule_limit = body->p.tied ? TIED_RULES : RULES;
+    const int64_t m = body->p->modes;
+    body->rule_limit = body->p->tied ? TIED_RULES : RULES;
     for (int i = 0; i < body->rule_limit; i++) {
         take_rule(body, arena, body->rules + i);
-        body->rules[i].response = take(arena, crossed(&body->p) * m * m);
+        body->rules[i].response = take(arena, crossed(body->p) * m * m);
     }
     body->rule_count = body->rule_next = 0;
 }
@@ -108,11 +108,11 @@ const Rule *rule_of(Body *body, double step) {
     body->rule_next = (body->rule_next + 1) % body->rule_limit;
     if (body->rule_count < body->rule_limit) body->rule_count++;
     r->step = step;
-    for (int64_t j = 0; j < body->p.modes; j++) {
-        const double w = body->p.omega[j];
-        propagate(r, j, w, body->p.tied ? body->rate[j] / (2.0 * w) : body->zeta[j]);
+    for (int64_t j = 0; j < body->p->modes; j++) {
+        const double w = body->p->omega[j];
+        propagate(r, j, w, body->p->tied ? body->rate[j] / (2.0 * w) : body->zeta[j]);
     }
-    if (body->p.tied) tie_rule(body, r);
-    if (crossed(&body->p)) response_rule(body, r);
+    if (body->p->tied) tie_rule(body, r);
+    if (crossed(body->p)) response_rule(body, r);
     return r;
 }

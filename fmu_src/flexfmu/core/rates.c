@@ -7,16 +7,16 @@
 #include "tree.h"
 
 void take_rates(const Body *body, Arena *arena, Rates *rates) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     rates->local = take(arena, 6 * p->nodes);
     rates->bent = take(arena, p->parts * p->modes);
-    rates->turned = take(arena, body->bend_rows);
+    rates->turned = take(arena, body->opened->bend_rows);
     rates->velocity = take(arena, 3 * p->nodes);
     rates->spin = take(arena, 3 * p->nodes);
 }
 
 void node_rates(const Body *body, const Need *need, const Configuration *at, const double *v, Rates *rates) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t n = p->nodes;
     double *local = rates->local, *velocity = rates->velocity, *spin = rates->spin;
     memset(local, 0, (size_t)(6 * n) * sizeof(double));
@@ -24,7 +24,7 @@ void node_rates(const Body *body, const Need *need, const Configuration *at, con
     if (p->curved) {
         part_coordinates(p, v, rates->bent);
         for (int64_t part = 0; part < p->parts; part++) {
-            const Bend *bend = body->bends + part;
+            const Bend *bend = body->opened->bends + part;
             const int64_t r = p->extent[part];
             for (int64_t k = 0; k < bend->count; k++)
                 if (wanted(p, need, bend->row[k]))
@@ -53,17 +53,17 @@ void node_rates(const Body *body, const Need *need, const Configuration *at, con
 }
 
 void turn_rates(const Body *body, const Need *need, Rates *rates) {
-    if (body->p.curved) turn_rows(body, need, rates->bent, rates->turned);
+    if (body->p->curved) turn_rows(body, need, rates->bent, rates->turned);
 }
 
 void node_accelerations(const Body *body, const Need *need, const Configuration *at, const Rates *rates, double *acceleration,
                         double *whirl) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t n = p->nodes;
     double *second = acceleration + 3 * n; /* b'', phi'' */
     memset(second, 0, (size_t)(6 * n) * sizeof(double));
     for (int64_t part = 0; part < p->parts; part++) {
-        const Bend *bend = body->bends + part;
+        const Bend *bend = body->opened->bends + part;
         const int64_t r = p->extent[part];
         for (int64_t k = 0; k < bend->count; k++)
             if (wanted(p, need, bend->row[k]))
@@ -104,16 +104,16 @@ void node_accelerations(const Body *body, const Need *need, const Configuration 
 }
 
 void take_back_rate(const Body *body, Arena *arena, BackRate *back) {
-    const int64_t n = body->p.nodes;
+    const int64_t n = body->p->nodes;
     back->rows = take(arena, 6 * n);
     back->change = take(arena, 6 * n);
     back->about = take(arena, 3 * n);
-    back->bent = take(arena, body->p.parts * body->p.modes);
+    back->bent = take(arena, body->p->parts * body->p->modes);
 }
 
 void pass_back_rate(const Body *body, const Configuration *at, const Rates *rates, double *force, double *moment,
                     BackRate *back, double *out) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t n = p->nodes;
     double *rows = back->rows, *change = back->change, *about = back->about;
     memset(rows, 0, (size_t)(6 * n) * sizeof(double));

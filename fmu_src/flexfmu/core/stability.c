@@ -5,6 +5,7 @@
 
 #include "algebra.h"
 #include "forces.h"
+#include "opened.h"
 #include "tree.h"
 
 /* Growth of vibrations over the lowest frequency that is none but round-off. */
@@ -26,7 +27,7 @@ enum { ROOM = (sizeof(Room) + sizeof(double) - 1) / sizeof(double) };
 
 /* What lies in the arena from call to call; null where it is refused. */
 static Room *room_in(const Body *body, Arena *arena) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     Room none, *kept = (Room *)take(arena, ROOM), *room = kept ? kept : &none;
     take_configuration(body, arena, &room->at);
@@ -51,7 +52,7 @@ void stability_demand(const Body *body, Arena *arena) { room_in(body, arena); }
 
 /* The scaled tangent (e, e) in room->scaled of the body as room->at is configured, e is returned. */
 static int64_t scaled_tangent(Body *body, const double *inputs, Room *room) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, e = p->elastic_count, first = p->elastic_first;
     Slice *slice = body->slice;
     Rows now;
@@ -72,7 +73,7 @@ static int64_t scaled_tangent(Body *body, const double *inputs, Room *room) {
     now = rows_due(slice, m, (double)(2 * m));
     for (int64_t i = now.at; i < now.end; i++)
         for (int64_t j = 0; j < m; j++)
-            room->unloaded[i * m + j] = (i == j ? body->stiffness[i] : 0.0) - p->tie_initial[i * m + j];
+            room->unloaded[i * m + j] = (i == j ? body->opened->stiffness[i] : 0.0) - p->tie_initial[i * m + j];
     for (int64_t i = 0; i < 12 * p->ties; i++) {
         const double k = p->tie_stiffness[3 * (i / 12) + i % 3];
         if (!due(slice, (double)(m * m))) continue;
@@ -98,7 +99,7 @@ static int64_t scaled_tangent(Body *body, const double *inputs, Room *room) {
 /* With loads that turn with the body the tangent is not symmetric. The smallest real part of the eigenvalues of the scaled
  * tangent tells divergence; where vibrations grow, how fast, over the lowest frequency, with its sign reversed: flutter. */
 static double follower_stability(const Body *body, Room *room) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, e = p->elastic_count, first = p->elastic_first, n = 2 * e;
     double *state = room->state;
     memset(state, 0, (size_t)(n * n) * sizeof(double));
@@ -118,7 +119,7 @@ static double follower_stability(const Body *body, Room *room) {
 }
 
 /* Where coordinates of the softest shape begin. */
-static int64_t softest_first(const Body *body) { return body->p.tied ? 0 : body->p.elastic_first; }
+static int64_t softest_first(const Body *body) { return body->p->tied ? 0 : body->p->elastic_first; }
 
 double body_stability(Body *body, const double *inputs, const double *q, double *shape) {
     Arena arena = work_arena(body);
@@ -128,10 +129,10 @@ double body_stability(Body *body, const double *inputs, const double *q, double 
     const int64_t e = scaled_tangent(body, inputs, room);
     for (int64_t i = 0; i < e * e; i++)
         if (!isfinite(room->scaled[i])) return NAN;
-    memset(room->shape, 0, (size_t)body->p.modes * sizeof(double));
+    memset(room->shape, 0, (size_t)body->p->modes * sizeof(double));
     smallest_eigen(room->scaled, room->values, room->found + SMALLEST, room->shape + softest_first(body), e, 0);
-    if (shape) memcpy(shape, room->shape, (size_t)body->p.modes * sizeof(double));
-    return room->loads.following && !body->p.tied ? follower_stability(body, room) : room->found[SMALLEST];
+    if (shape) memcpy(shape, room->shape, (size_t)body->p->modes * sizeof(double));
+    return room->loads.following && !body->p->tied ? follower_stability(body, room) : room->found[SMALLEST];
 }
 
 /* Beyond this the smallest eigenvalue is not looked at more closely. */
@@ -146,7 +147,7 @@ static int lies_above(const Room *room, double least, double *factor, int64_t e,
 }
 
 double pieces_of_stability(Body *body, const double *inputs, const double *q, double margin, Arena arena, Slice *slice) {
-    const int64_t tied = body->p.tied;
+    const int64_t tied = body->p->tied;
     Room *room = room_in(body, &arena);
     if (!room) return -HUGE_VAL;
     body->slice = slice;
@@ -170,7 +171,7 @@ double body_stable_beyond(Body *body, const double *inputs, const double *q, dou
     if (!room) return -HUGE_VAL;
     spread(body, inputs, &room->loads);
     /* The tangent of loads that turn with nothing is that of the unloaded body. */
-    if (!room->loads.active && !body->p.tied) return margin < 1.0 ? 1.0 : -HUGE_VAL;
+    if (!room->loads.active && !body->p->tied) return margin < 1.0 ? 1.0 : -HUGE_VAL;
     return pieces_of_stability(body, inputs, q, margin, work_arena(body), 0);
 }
 
@@ -179,7 +180,7 @@ int body_is_stable(Body *body, const double *inputs, const double *q, double mar
 }
 
 void pieces_of_cause(Body *body, const double *inputs, const double *q, Arena arena, Slice *slice) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t first = softest_first(body), e = p->tied ? p->modes : p->elastic_count;
     Room *room = room_in(body, &arena);
     double *shape = room->shape, *found = room->found;
@@ -208,7 +209,7 @@ void pieces_of_cause(Body *body, const double *inputs, const double *q, Arena ar
 }
 
 Cause cause_found(const Body *body, const double *inputs, Arena arena) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const Room *room = room_in(body, &arena);
     const double *left = room->found + BY_LOADS, without = p->stretches ? left[p->loads] : dot(room->shape, room->shape, p->modes);
     Cause cause = {room->found[SMALLEST], -HUGE_VAL, 0, 0};
@@ -231,30 +232,31 @@ static int softened_by_loads_alone(const Program *p) {
 static const double BENT = 2.0;
 
 void find_softening(Body *body) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     Arena arena = work_arena(body);
     Room *room = room_in(body, &arena);
-    if (!softened_by_loads_alone(p) || !room) return;
-    double *rest = body->end_q;
+    if (!softened_by_loads_alone(p) || !room || softens_known(body->opened)) return;
+    double *rest = body->end_q, *softens = room->found;
     memset(rest, 0, (size_t)p->modes * sizeof(double));
     configure(body, rest, &room->at);
-    memset(body->softens, 0, (size_t)((p->loads + 2) / 3) * sizeof(double));
+    memset(softens, 0, (size_t)((p->loads + 2) / 3) * sizeof(double));
     for (int64_t l = 0; l < p->loads; l++) {
         memset(room->alone, 0, (size_t)p->loads * sizeof(double));
         room->alone[l] = 1.0;
         const int64_t e = scaled_tangent(body, room->alone, room);
         for (int64_t i = 0; i < e; i++) room->scaled[i * (e + 1)] -= 1.0;
-        body->softens[l / 3] += dot(room->scaled, room->scaled, e * e);
+        softens[l / 3] += dot(room->scaled, room->scaled, e * e);
     }
-    for (int64_t k = 0; 3 * k < p->loads; k++) body->softens[k] = BENT * sqrt(body->softens[k]);
+    for (int64_t k = 0; 3 * k < p->loads; k++) softens[k] = BENT * sqrt(softens[k]);
+    keep_softens(body->opened, softens);
 }
 
 /* Weyl's inequality: no eigenvalue changes by more than the norm of what is added. A force or moment may turn against the
  * body, so that its three components count alike. */
 double body_softening_bound(const Body *body, const double *inputs) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     if (!softened_by_loads_alone(p)) return HUGE_VAL;
     double bound = 0.0;
-    for (int64_t k = 0; 3 * k < p->loads; k++) bound += body->softens[k] * norm(inputs + 3 * k, 3);
+    for (int64_t k = 0; 3 * k < p->loads; k++) bound += body->opened->softens[k] * norm(inputs + 3 * k, 3);
     return bound;
 }

@@ -30,7 +30,7 @@ typedef struct {
 } Room;
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     take_configuration(body, arena, &room->at);
     take_loads(body, arena, &room->loads);
@@ -78,7 +78,7 @@ int stable_tangent(const double *tangent, double *factor, int64_t m, Slice *slic
 
 /* Newton's method from q, overwritten where it ends in a stable equilibrium: 1. */
 static int newton(Body *body, Room *room, double *q, int64_t *rounds) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     const double noise = p->tied ? p->tie_noise[0] : 0.0;
     int foreseen = 0;
@@ -96,7 +96,7 @@ static int newton(Body *body, Room *room, double *q, int64_t *rounds) {
         for (int64_t i = 0; i < m; i++) {
             double force = room->residual[i];
             if (p->tied) force += dot(p->tie_initial + i * m, room->trial, m);
-            room->change[i] = (body->stiffness[i] * room->trial[i] - force) / p->omega[i];
+            room->change[i] = (body->opened->stiffness[i] * room->trial[i] - force) / p->omega[i];
             for (int64_t j = 0; j < m; j++) room->tangent[i * m + j] /= p->omega[i] * p->omega[j];
         }
         if (!stable_tangent(room->tangent, room->factor, m, 0)) return 0;
@@ -107,7 +107,7 @@ static int newton(Body *body, Room *room, double *q, int64_t *rounds) {
         for (int64_t j = 0; j < m; j++) {
             room->residual[j] = -room->change[j] / p->omega[j];
             room->trial[j] += room->residual[j];
-            whole += body->stiffness[j] * room->trial[j] * room->trial[j];
+            whole += body->opened->stiffness[j] * room->trial[j] * room->trial[j];
         }
         if (p->tied) {
             foreseen_tension(body, &room->at, room->residual, &room->foreseen, room->tense);
@@ -127,25 +127,25 @@ enum { BETWEEN = 3 };
 
 /* Whether an equilibrium under room->inputs follows stably from room->start, one under a smaller part of the loads. */
 static int follows(Body *body, Room *room, const double *q, double earlier) {
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     /* Between equilibria of a cut body its stiff springs do not fit, and their tension tells nothing. */
-    if (!body->p.stretches || body->p.ties) return 1;
+    if (!body->p->stretches || body->p->ties) return 1;
     for (int k = 1; k <= BETWEEN; k++) {
         const double part = (double)k / (BETWEEN + 1), less = earlier + part * (1.0 - earlier);
         for (int64_t j = 0; j < m; j++) room->trial[j] = room->start[j] + part * (q[j] - room->start[j]);
-        for (int64_t i = 0; i < body->p.loads; i++) room->between[i] = less * room->inputs[i];
+        for (int64_t i = 0; i < body->p->loads; i++) room->between[i] = less * room->inputs[i];
         spread(body, room->between, &room->loads);
         configure(body, room->trial, &room->at);
         tangent_stiffness(body, &room->loads, 1, &room->at, 0, &room->rest, room->tangent);
         for (int64_t i = 0; i < m; i++)
-            for (int64_t j = 0; j < m; j++) room->tangent[i * m + j] /= body->p.omega[i] * body->p.omega[j];
+            for (int64_t j = 0; j < m; j++) room->tangent[i * m + j] /= body->p->omega[i] * body->p->omega[j];
         if (!stable_tangent(room->tangent, room->factor, m, 0)) return 0;
     }
     return 1;
 }
 
 int body_static(Body *body, const double *inputs, double *q, double *share, int64_t *rounds) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     Arena arena = work_arena(body);
     Room room;
@@ -155,7 +155,7 @@ int body_static(Body *body, const double *inputs, double *q, double *share, int6
     if (arena.refused) return FLEX_NO_ROOM;
     if (p->rigid) return FLEX_FREE;
     spread(body, inputs, &room.loads);
-    for (int64_t j = 0; j < m; j++) q[j] = room.loads.active ? 0.0 : room.loads.constant[j] / body->stiffness[j];
+    for (int64_t j = 0; j < m; j++) q[j] = room.loads.active ? 0.0 : room.loads.constant[j] / body->opened->stiffness[j];
     double reached = room.loads.active ? 0.0 : 1.0, increment = 1.0;
     while (reached < 1.0) {
         const double target = fmin(1.0, reached + increment);

@@ -32,7 +32,7 @@ typedef struct {
 } Free;
 
 static void take_free(const Body *body, Arena *arena, Free *x) {
-    const int64_t m = body->p.modes, e = m - body->p.rigid, n = coordinates(&body->p);
+    const int64_t m = body->p->modes, e = m - body->p->rigid, n = coordinates(body->p);
     double **of_all[] = {&x->before, &x->after, &x->momentum, &x->reached, &x->half, &x->z};
     double **of_elastic[] = {&x->free_q, &x->free_v, &x->mean_force, &x->off, &x->sizes, &x->push, &x->bare};
     take_step(body, arena, &x->step);
@@ -43,12 +43,12 @@ static void take_free(const Body *body, Arena *arena, Free *x) {
     for (size_t i = 0; i < sizeof of_elastic / sizeof *of_elastic; i++) *of_elastic[i] = take(arena, e);
     x->gradient = take(arena, m);
     x->shift = take(arena, 3 * n);
-    x->by_momentum = take(arena, n * (1 + body->p.turn_axes));
+    x->by_momentum = take(arena, n * (1 + body->p->turn_axes));
 }
 
 static void enter(Step *s, const double *q, const double *v) {
     Free *x = (Free *)s;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     const int64_t r = p->rigid;
     const double *gq = s->rule->gq + r, *gv = s->rule->gv + r;
     x->whole_mass = total_mass(p);
@@ -71,7 +71,7 @@ static void enter(Step *s, const double *q, const double *v) {
 /* What loads that grow over a step do beyond their mean, on the undeformed body; and that mean. */
 static void grow(Free *x) {
     Step *s = &x->step;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     const Substeps *all = s->all;
     const Rule *rule = s->rule;
     const int64_t r = p->rigid;
@@ -89,7 +89,7 @@ static void grow(Free *x) {
 
 static int begin(Step *s) {
     Free *x = (Free *)s;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     const Rule *rule = s->rule;
     const int64_t r = p->rigid, t = p->turn_axes, e = p->modes - r, n = t + e;
     const double h = s->all->step, *gq = rule->gq + r, *gv = rule->gv + r;
@@ -122,7 +122,7 @@ static int begin(Step *s) {
  * and on elastic coordinates. `reach`: what the round-off of places can make of the work. */
 static double loads_between(Free *x, double stretch, double *reach) {
     Step *s = &x->step;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     const Loads *loads = &s->loads;
     const End *start = x->start, *end = x->end;
     double work = 0.0, lever[3], about[3], centre[3], everything[3];
@@ -158,7 +158,7 @@ static double loads_between(Free *x, double stretch, double *reach) {
  * cancelled. */
 static void add_inertia(Free *x, double *bracket, double *reach) {
     Step *s = &x->step;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     const int64_t t = p->turn_axes, e = p->modes - p->rigid, n = t + e;
     const End *start = x->start, *end = x->end;
     double slip[3], *half = x->half;
@@ -178,7 +178,7 @@ static void add_inertia(Free *x, double *bracket, double *reach) {
 static int residual(Step *s) {
     Free *x = (Free *)s;
     Body *body = s->body;
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t r = p->rigid, t = p->turn_axes, e = p->modes - r, n = t + e, solved = p->inertial ? n : t;
     const double h = s->all->step, *gv = s->rule->gv + r;
     End *start = x->start, *end = x->end;
@@ -206,7 +206,7 @@ static int residual(Step *s) {
 /* Spin and rates z at the end from the momenta there, in turns, since these hang on the rotation; 0 where it turns too far. */
 static int turn(Free *x) {
     Step *s = &x->step;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     const int64_t r = p->rigid, t = p->turn_axes, e = p->modes - r, solved = p->inertial ? t + e : t;
     const double h = s->all->step, *gv = s->rule->gv + r;
     End *start = x->start, *end = x->end;
@@ -239,7 +239,7 @@ static int turn(Free *x) {
 
 static Progress correct(Step *s) {
     Free *x = (Free *)s;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     const int64_t r = p->rigid, t = p->turn_axes, e = p->modes - r, n = t + e;
     const double h = s->all->step, *gq = s->rule->gq + r, *gv = s->rule->gv + r;
     End *end = x->end;
@@ -275,7 +275,7 @@ static Progress correct(Step *s) {
 /* Turn and rates at the end, by momenta that are what they ought to be, whatever is left of the iteration's error. */
 static int keep_momenta(Free *x) {
     Step *s = &x->step;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     const int64_t t = p->turn_axes, e = p->modes - p->rigid, n = t + e;
     const double h = s->all->step, mass = x->whole_mass;
     End *start = x->start, *end = x->end;
@@ -301,7 +301,7 @@ static int keep_momenta(Free *x) {
 
 static int accept(Step *s, double *found) {
     Free *x = (Free *)s;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     const int64_t r = p->rigid, t = p->turn_axes, n = coordinates(p), e = n - t;
     const double h = s->all->step, *ramp = s->rule->ramp;
     End *start = x->start, *end = x->end;

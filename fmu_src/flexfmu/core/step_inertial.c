@@ -29,7 +29,7 @@ typedef struct {
 } Inertial;
 
 static void take_inertial(const Body *body, Arena *arena, Inertial *x) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, r = p->inertial_modes;
     double **each[] = {&x->v1, &x->free_q, &x->free_v, &x->first, &x->last, &x->force, &x->mean, &x->growth, &x->pushed, &x->bare,
                        &x->momentum, &x->impulse, &x->gradient, &x->half, &x->off, &x->before, &x->after, &x->trend, &x->excess,
@@ -44,7 +44,7 @@ static void take_inertial(const Body *body, Arena *arena, Inertial *x) {
 }
 
 static double resisted(const Body *body, const double *q, const double *v, int64_t j) {
-    return body->stiffness[j] * q[j] + body->rate[j] * v[j];
+    return body->opened->stiffness[j] * q[j] + body->rate[j] * v[j];
 }
 
 /* Accelerations at one end. They start the iteration and tell the error: the mass may be that of a place nearby. 0 where it
@@ -52,7 +52,7 @@ static double resisted(const Body *body, const double *q, const double *v, int64
 static int accelerate(Inertial *x, const Configuration *at, const double *v, double *out) {
     Step *s = &x->step;
     Body *body = s->body;
-    const int64_t m = body->p.modes, r = body->p.inertial_modes;
+    const int64_t m = body->p->modes, r = body->p->inertial_modes;
     double *convective = x->off;
     modal_force(body, &s->loads, 1, at, 0, &s->scratch, out);
     stretch_at(body, at->q, s->to);
@@ -62,7 +62,7 @@ static int accelerate(Inertial *x, const Configuration *at, const double *v, dou
     subtract_damping(body, v, out);
     memcpy(x->chord, x->mass, (size_t)(r * r) * sizeof(double));
     for (int64_t j = 0; j < r; j++) x->chord[j * r + j] += 1.0;
-    s->all->massless = !(body->p.lumped ? cholesky(x->chord, r, 0) : factor_mass(x->chord, r));
+    s->all->massless = !(body->p->lumped ? cholesky(x->chord, r, 0) : factor_mass(x->chord, r));
     if (s->all->massless) return 0;
     cholesky_solve(x->chord, out, r);
     return 1;
@@ -71,7 +71,7 @@ static int accelerate(Inertial *x, const Configuration *at, const double *v, dou
 /* All that acts on the modes at one end, inertia included, as their own masses see it: m q'' + 2 Z Omega q' + Lambda q. */
 static void end_force(const Inertial *x, const double *q, const double *v, const double *acceleration, double *out) {
     const Body *body = x->step.body;
-    for (int64_t j = 0; j < body->p.modes; j++) out[j] = (1.0 + x->excess[j]) * acceleration[j] + resisted(body, q, v, j);
+    for (int64_t j = 0; j < body->p->modes; j++) out[j] = (1.0 + x->excess[j]) * acceleration[j] + resisted(body, q, v, j);
 }
 
 /* Each mode goes exactly with the mass that it has, coupled to no other, about where the internal step is half over; 0 where
@@ -79,7 +79,7 @@ static void end_force(const Inertial *x, const double *q, const double *v, const
 static int own_rule(Inertial *x) {
     Step *s = &x->step;
     const Body *body = s->body;
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const Rule *usual = rule_of(s->body, s->all->step), *own = &x->own;
     if (p->lumped) return 1;
     for (int64_t j = 0; j < p->modes; j++) x->half[j] = s->here->q[j] + 0.5 * usual->p12[j] * s->v0[j];
@@ -99,7 +99,7 @@ static int own_rule(Inertial *x) {
 
 static void enter(Step *s, const double *q, const double *v) {
     Inertial *x = (Inertial *)s;
-    const int64_t m = s->body->p.modes;
+    const int64_t m = s->body->p->modes;
     const Rule *usual = s->rule;
     const double *from[] = {usual->p11, usual->p12, usual->p21, usual->p22, usual->gq, usual->gv, usual->ramp, usual->ramp_rate};
     double *to[] = {x->own.p11, x->own.p12, x->own.p21, x->own.p22, x->own.gq, x->own.gv, x->own.ramp, x->own.ramp_rate};
@@ -122,7 +122,7 @@ static void follow(Inertial *x, int64_t j) {
 
 static int begin(Step *s) {
     Inertial *x = (Inertial *)s;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     const Rule *rule = s->rule;
     const double *q = s->here->q, *v = s->v0;
     if (!own_rule(x)) return 0;
@@ -151,7 +151,7 @@ static int begin(Step *s) {
 /* The factor c of (15), which makes the work of the mean that of loads less what kinetic energy gains. */
 static void find_factor(Inertial *x) {
     Step *s = &x->step;
-    const int64_t m = s->body->p.modes, r = s->body->p.inertial_modes;
+    const int64_t m = s->body->p->modes, r = s->body->p->inertial_modes;
     const double *v0 = s->v0, *v1 = x->v1, *way = s->way;
     double kinetic = dot(v1, x->impulse, r);
     for (int64_t j = 0; j < r; j++) kinetic += (v1[j] - v0[j]) * x->momentum[j];
@@ -169,7 +169,7 @@ static void find_factor(Inertial *x) {
 static int residual(Step *s) {
     Inertial *x = (Inertial *)s;
     Body *body = s->body;
-    const int64_t m = body->p.modes, r = body->p.inertial_modes;
+    const int64_t m = body->p->modes, r = body->p->inertial_modes;
     const double h = s->all->step;
     configure_linear(body, body->need, s->q1, s->there);
     configure_places(body, body->need, s->there);
@@ -193,7 +193,7 @@ static int residual(Step *s) {
     if (s->round > 1) return 1;
     /* The mass where the step is foreseen to end. */
     excess_mass(body, s->there, &x->flow, x->mass);
-    const int64_t solved = body->p.dampers ? m : r;
+    const int64_t solved = body->p->dampers ? m : r;
     for (int64_t i = 0; i < solved; i++)
         for (int64_t j = 0; j < solved; j++) {
             const double own = i == j ? 1.0 : 0.0, damped = solved > r ? body->coupled[i * m + j] * s->rule->gq[j] : 0.0;
@@ -205,7 +205,7 @@ static int residual(Step *s) {
 
 static Progress correct(Step *s) {
     Inertial *x = (Inertial *)s;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     double moved = 0.0, sized = 0.0, blurred = 0.0;
     lu_solve(x->chord, s->body->pivot, x->off, p->dampers ? p->modes : p->inertial_modes, 1, 0);
     const double left = learn(&x->learning, x->size, x->mean, s->round, x->off);
@@ -236,7 +236,7 @@ static int accept(Step *s, double *error) {
 static void pass(Step *s) {
     Inertial *x = (Inertial *)s;
     double *kept = x->before, *rates = s->v0;
-    for (int64_t j = 0; j < s->body->p.modes; j++) x->trend[j] = x->last[j] - x->first[j];
+    for (int64_t j = 0; j < s->body->p->modes; j++) x->trend[j] = x->last[j] - x->first[j];
     x->before = x->after;
     x->after = kept;
     s->v0 = x->v1;

@@ -21,7 +21,7 @@ typedef struct {
 static void take_plain(const Body *body, Arena *arena, Plain *x) {
     double **each[] = {&x->free, &x->first, &x->last, &x->force, &x->bare, &x->mean, &x->growth, &x->off, &x->speed_mean};
     take_step(body, arena, &x->step);
-    for (size_t i = 0; i < sizeof each / sizeof *each; i++) *each[i] = take(arena, body->p.modes);
+    for (size_t i = 0; i < sizeof each / sizeof *each; i++) *each[i] = take(arena, body->p->modes);
 }
 
 static void enter(Step *s, const double *q, const double *v) {
@@ -41,12 +41,12 @@ static double end_force(Step *s, const Configuration *at, const Stretch *stretch
 
 static int begin(Step *s) {
     Plain *x = (Plain *)s;
-    const int64_t m = s->body->p.modes;
+    const int64_t m = s->body->p->modes;
     const Rule *rule = s->rule;
     const double *q = s->here->q;
     if (s->all->inputs_end) spread_at(s, (double)s->number + 0.5);
     if (s->all->inputs_end || s->number == 0) x->start_work = end_force(s, s->here, s->from, s->v0, x->first);
-    x->reach = work_reach(s->body, s->loads.force, s->body->p.nodes) + fabs(x->start_work);
+    x->reach = work_reach(s->body, s->loads.force, s->body->p->nodes) + fabs(x->start_work);
     x->speed = norm(s->v0, m);
     for (int64_t j = 0; j < m; j++) {
         x->free[j] = rule->p11[j] * q[j] + rule->p12[j] * s->v0[j];
@@ -58,7 +58,7 @@ static int begin(Step *s) {
 static int residual(Step *s) {
     Plain *x = (Plain *)s;
     Body *body = s->body;
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     const Rule *rule = s->rule;
     const double *conservative = x->force;
     double square = 0.0;
@@ -90,7 +90,7 @@ static int residual(Step *s) {
 
 static Progress correct(Step *s) {
     Plain *x = (Plain *)s;
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     double moved = 0.0, sized = 0.0, blurred = 0.0;
     if (p->dampers) {
         rows_times(s->rule->response, x->off, x->bare, p->modes, p->modes);
@@ -113,7 +113,7 @@ static int accept(Step *s, double *error) {
     Body *body = s->body;
     const Rule *rule = s->rule;
     const double *q = s->here->q;
-    for (int64_t j = 0; j < body->p.modes; j++) {
+    for (int64_t j = 0; j < body->p->modes; j++) {
         const double rate = rule->p21[j] * q[j] + rule->p22[j] * s->v0[j] + rule->gv[j] * x->mean[j];
         s->v0[j] = rate + rule->ramp_rate[j] * x->growth[j];
         s->q1[j] += rule->ramp[j] * x->growth[j];

@@ -29,8 +29,8 @@ static void take_tied(const Body *body, Arena *arena, Tied *x) {
                        &x->linear, &x->end_linear};
     take_step(body, arena, &x->step);
     take_pull(body, arena, &x->pull);
-    for (size_t i = 0; i < sizeof each / sizeof *each; i++) *each[i] = take(arena, body->p.modes);
-    x->tense = take(arena, 12 * body->p.ties);
+    for (size_t i = 0; i < sizeof each / sizeof *each; i++) *each[i] = take(arena, body->p->modes);
+    x->tense = take(arena, 12 * body->p->ties);
 }
 
 /* Square of the way, mass being its measure, of vibrations that the step does not resolve, for an acceleration and rates at
@@ -38,7 +38,7 @@ static void take_tied(const Body *body, Arena *arena, Tied *x) {
  * (D + K)^-1 takes out what is slow, D being 4/h^2. */
 static double ringing(const Body *body, const Rule *rule, Pull *pull, const double *acceleration, const double *rates,
                       double *x, double *answer) {
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     double square = 0.0;
     for (int moving = 0; moving < 2; moving++) {
         const double *start = moving ? rates : acceleration;
@@ -46,7 +46,7 @@ static double ringing(const Body *body, const Rule *rule, Pull *pull, const doub
         respond(body, rule, pull, x, 0, answer);
         for (int64_t j = 0; j < m; j++) {
             if (rule->ramp[j] != 0.0) continue;
-            const double slow = (2.0 / rule->gq[j] - body->stiffness[j]) * answer[j];
+            const double slow = (2.0 / rule->gq[j] - body->opened->stiffness[j]) * answer[j];
             square += answer[j] * (moving ? start[j] - slow : answer[j]);
         }
     }
@@ -57,8 +57,8 @@ static double ringing(const Body *body, const Rule *rule, Pull *pull, const doub
 static double energy_of(const Body *body, const double *q, double held, const double *linear, const double *v,
                         const Stretch *stretch) {
     double strain = 2.0 * held;
-    for (int64_t j = 0; j < body->p.modes; j++) strain += q[j] * (body->stiffness[j] * q[j] - linear[j]);
-    return fabs(strain) + dot(v, v, body->p.modes) + 2.0 * stretch_energy(body, stretch);
+    for (int64_t j = 0; j < body->p->modes; j++) strain += q[j] * (body->opened->stiffness[j] * q[j] - linear[j]);
+    return fabs(strain) + dot(v, v, body->p->modes) + 2.0 * stretch_energy(body, stretch);
 }
 
 /* Twice the energy that the straight body would hold at rest under the loads. */
@@ -66,24 +66,24 @@ static double energy_borne(Tied *x) {
     Step *s = &x->step;
     Body *body = s->body;
     double energy = 0.0;
-    memset(x->tense, 0, (size_t)(12 * body->p.ties) * sizeof(double));
+    memset(x->tense, 0, (size_t)(12 * body->p->ties) * sizeof(double));
     modal_force(body, &s->loads, 1, s->here, x->tense, &s->scratch, x->bare);
-    for (int64_t j = 0; j < body->p.modes; j++) energy += x->bare[j] * x->bare[j] / body->stiffness[j];
+    for (int64_t j = 0; j < body->p->modes; j++) energy += x->bare[j] * x->bare[j] / body->opened->stiffness[j];
     return energy;
 }
 
 static void enter(Step *s, const double *q, const double *v) {
     Tied *x = (Tied *)s;
     Body *body = s->body;
-    const int64_t m = body->p.modes;
-    const double fastest = body->p.omega[m - 1];
-    x->noise = body->p.tie_noise[0] / fastest;
+    const int64_t m = body->p->modes;
+    const double fastest = body->p->omega[m - 1];
+    x->noise = body->p->tie_noise[0] / fastest;
     x->quiet = x->noise * (fastest + 2.0 / s->all->step);
     x->resolved = 0;
     while (x->resolved < m && s->rule->ramp[x->resolved] != 0.0) x->resolved++;
     enter_state(s, q, v);
     spread(body, s->all->inputs, &s->loads);
-    rows_times(body->p.tie_initial, q, x->linear, m, m);
+    rows_times(body->p->tie_initial, q, x->linear, m, m);
     x->borne = energy_borne(x);
     x->start_energy = energy_of(body, q, tie_tension(body, s->here, x->tense), x->linear, s->v0, s->from);
 }
@@ -91,21 +91,21 @@ static void enter(Step *s, const double *q, const double *v) {
 static int begin(Step *s) {
     Tied *x = (Tied *)s;
     Body *body = s->body;
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     const Rule *rule = s->rule;
     const double *q = s->here->q, *v = s->v0;
     if (x->resolved < m) {
         if (s->all->inputs_end) spread_at(s, (double)s->number);
         modal_force(body, &s->loads, 1, s->here, 0, &s->scratch, x->first);
         for (int64_t j = 0; j < m; j++)
-            x->first[j] += x->linear[j] - body->stiffness[j] * q[j] - body->rate[j] * v[j] - dot(body->coupled + j * m, v, m);
+            x->first[j] += x->linear[j] - body->opened->stiffness[j] * q[j] - body->rate[j] * v[j] - dot(body->coupled + j * m, v, m);
         subtract_stretch_force(body, s->from, s->from, x->first);
     }
     if (s->all->inputs_end) spread_at(s, (double)s->number + 0.5);
     x->load_work = force_work(body, &s->loads, s->here);
     x->start_work = x->load_work - tie_tension(body, s->here, x->tense);
     x->speed_before = norm(v, m);
-    x->reach = work_reach(body, s->loads.force, body->p.nodes) + fabs(x->start_work);
+    x->reach = work_reach(body, s->loads.force, body->p->nodes) + fabs(x->start_work);
     x->change_before = HUGE_VAL;
     x->stale = 1;
     for (int64_t j = 0; j < m; j++) {
@@ -126,7 +126,7 @@ static void configure_end(Step *s) {
 static int residual(Step *s) {
     Tied *x = (Tied *)s;
     Body *body = s->body;
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     const double *conservative = x->force;
     configure_end(s);
     if (x->stale && !pull_at(body, s->rule, &s->middle, body->pivot, &x->pull)) return 0;
@@ -140,7 +140,7 @@ static int residual(Step *s) {
             conservative = x->bare;
         }
         /* The springs' strain is a difference of places. */
-        const double reach = x->reach + fabs(end_work) + work_reach(body, x->tense, 4 * body->p.ties);
+        const double reach = x->reach + fabs(end_work) + work_reach(body, x->tense, 4 * body->p->ties);
         close_bracket(s, end_work - x->start_work - dot(conservative, s->way, m), reach, square);
     }
     /* What the mean holds beside Hq at the start and what is linear in the way, of which `respond` knows. */
@@ -153,7 +153,7 @@ static int residual(Step *s) {
 static Progress correct(Step *s) {
     Tied *x = (Tied *)s;
     Body *body = s->body;
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     const double *gq = s->rule->gq;
     double blurred = 0.0;
     for (int64_t j = 0; j < m; j++) {
@@ -177,7 +177,7 @@ static Progress correct(Step *s) {
 static double force_error(Tied *x) {
     Step *s = &x->step;
     Body *body = s->body;
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     const Rule *rule = s->rule;
     double error = 0.0;
     /* Stiff springs that vibrate faster than the step can tell are strained by it at its ends as they never are in truth: their
@@ -188,7 +188,7 @@ static double force_error(Tied *x) {
     subtract_stretch_force(body, s->to, s->to, x->force);
     subtract_stretch_force(body, s->from, s->from, x->bare);
     for (int64_t j = 0; j < m; j++) {
-        x->speed[j] = body->stiffness[j] * s->way[j];
+        x->speed[j] = body->opened->stiffness[j] * s->way[j];
         x->off[j] = rule->gq[j] * (x->force[j] - x->bare[j] + x->end_linear[j] - x->linear[j] - x->speed[j]);
     }
     respond(body, rule, &x->pull, x->off, 0, x->change);
@@ -196,7 +196,7 @@ static double force_error(Tied *x) {
         /* A mode of the straight body that the turned one only follows, at hardly any acceleration of its own, asks for no
          * shorter step, however its force changes. */
         const double moved = rule->lag[j] * x->change[j], followed = moved + rule->ramp[j] * x->speed[j];
-        const double missed = body->p.omega[j] * fmin(fabs(moved), fabs(followed));
+        const double missed = body->p->omega[j] * fmin(fabs(moved), fabs(followed));
         error += missed * missed;
     }
     return error;
@@ -208,14 +208,14 @@ static double work_of_loads(Tied *x) {
     Body *body = s->body;
     const int potential = has_potential(body);
     double work = potential ? force_work(body, &s->loads, s->there) - x->load_work : 0.0;
-    memset(x->tense, 0, (size_t)(12 * body->p.ties) * sizeof(double));
+    memset(x->tense, 0, (size_t)(12 * body->p->ties) * sizeof(double));
     if (!potential || s->loads.has_moments) {
         modal_force(body, &s->loads, 1, &s->middle, x->tense, &s->scratch, x->force);
-        work += dot(x->force, s->way, body->p.modes);
+        work += dot(x->force, s->way, body->p->modes);
     }
     if (potential && s->loads.has_moments) {
         modal_force(body, &s->loads, 0, &s->middle, x->tense, &s->scratch, x->force);
-        work -= dot(x->force, s->way, body->p.modes);
+        work -= dot(x->force, s->way, body->p->modes);
     }
     return work;
 }
@@ -223,11 +223,11 @@ static double work_of_loads(Tied *x) {
 static int accept(Step *s, double *found) {
     Tied *x = (Tied *)s;
     Body *body = s->body;
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     const Rule *rule = s->rule;
     const double *q = s->here->q, quiet = x->quiet;
     for (int64_t j = 0; j < m; j++) x->speed[j] = s->way[j] / s->all->step;
-    rows_times(body->p.tie_initial, s->middle.q, x->held, m, m);
+    rows_times(body->p->tie_initial, s->middle.q, x->held, m, m);
     rows_times(body->coupled, x->speed, x->lost, m, m);
     for (int64_t j = 0; j < m; j++) x->mean[j] += x->held[j] - x->lost[j];
     configure_end(s);
@@ -237,7 +237,7 @@ static int accept(Step *s, double *found) {
         s->way[j] = s->q1[j] - q[j];
         s->v0[j] = rule->p21[j] * q[j] + rule->p22[j] * s->v0[j] + rule->gv[j] * x->mean[j];
     }
-    rows_times(body->p.tie_initial, s->q1, x->end_linear, m, m);
+    rows_times(body->p->tie_initial, s->q1, x->end_linear, m, m);
     double error = force_error(x);
     const double work = work_of_loads(x);
     /* Energy that neither was there at the start nor came from the loads is error as well, and what blows up may not be
@@ -249,7 +249,7 @@ static int accept(Step *s, double *found) {
     const double whole = fmax(x->borne, fmin(energy, bound));
     error = !(error <= quiet) ? error / sqrt(whole) : 0.0;
     /* The phase of what the step does not resolve is lost: it may be anywhere on its way. */
-    const double slowest = body->p.omega[0], lost = slowest * slowest * lost_way;
+    const double slowest = body->p->omega[0], lost = slowest * slowest * lost_way;
     const double blind = lost > quiet * quiet ? sqrt(lost / fmax(x->start_energy, whole)) : 0.0;
     *found = !(blind <= error) ? blind : error;
     x->start_energy = energy;

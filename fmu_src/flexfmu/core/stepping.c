@@ -40,7 +40,7 @@ static const Kind *kind_of(const Program *p) {
     return p->tied ? &tied : p->turns ? &turning : p->inertial ? &inertial : &plain;
 }
 
-void internal_demand(const Body *body, Arena *arena) { kind_of(&body->p)->demand(body, arena); }
+void internal_demand(const Body *body, Arena *arena) { kind_of(body->p)->demand(body, arena); }
 
 /* Loads, and how a step without internal ones takes them; the first of what is taken for any step. */
 typedef struct {
@@ -50,8 +50,8 @@ typedef struct {
 
 static void take_exact(const Body *body, Arena *arena, Exact *room) {
     take_loads(body, arena, &room->loads);
-    room->growth = take(arena, body->p.modes);
-    room->mean = take(arena, body->p.modes);
+    room->growth = take(arena, body->p->modes);
+    room->mean = take(arena, body->p->modes);
 }
 
 typedef struct {
@@ -65,8 +65,8 @@ static void take_reach(const Body *body, Arena *arena, Reach *room) {
     take_configuration(body, arena, &room->at);
     take_loads(body, arena, &room->loads);
     take_force_room(body, arena, &room->scratch);
-    room->force = take(arena, body->p.modes);
-    room->middle = take(arena, body->p.loads);
+    room->force = take(arena, body->p->modes);
+    room->middle = take(arena, body->p->loads);
 }
 
 void step_demand(const Body *body, Arena *arena) {
@@ -82,10 +82,10 @@ enum { DIVISIBLE, EXACT, SHORT };
 
 /* A step of any length where no load depends on q: nothing to iterate, nothing to divide. */
 static int exact_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v) {
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     Arena arena = work_arena(body);
     Exact room;
-    if (body->p.inertial || body->p.turns || (body->p.dampers && !body->p.tied)) return DIVISIBLE;
+    if (body->p->inertial || body->p->turns || (body->p->dampers && !body->p->tied)) return DIVISIBLE;
     take_exact(body, &arena, &room);
     if (arena.refused) return SHORT;
     Loads *loads = &room.loads;
@@ -114,7 +114,7 @@ static int exact_step(Body *body, const double *inputs, const double *inputs_end
 /* Whether the loads would turn the linear body within a frame beyond all sense: more internal steps are no use then. */
 static int beyond_reach(Body *body, const double *inputs, const double *inputs_end, double step, const double *q,
                         const double *v) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     const Rule *r = rule_of(body, step);
     Arena arena = work_arena(body);
@@ -141,7 +141,7 @@ static double round_cost(const Program *p) {
 
 /* Rounds that a call may take: those of ordinary steps, and more where they cost less. */
 static double most_rounds(const Body *body) {
-    return fmin(UNCOUNTED, ORDINARY_ROUNDS * body->limits.most * fmax(1.0, ORDINARY_ROUND / round_cost(&body->p)));
+    return fmin(UNCOUNTED, ORDINARY_ROUNDS * body->limits.most * fmax(1.0, ORDINARY_ROUND / round_cost(body->p)));
 }
 
 /* Internal steps that a step has at least. */
@@ -149,14 +149,14 @@ static double fewest_steps(const Body *body, double step) {
     const double longest = body->limits.longest;
     double fewest = longest > 0.0 ? step / longest * (1.0 - 1e-9) : 1.0;
     /* An error as large as the motion is none that anyone asks for. */
-    if (body->p.tied && body->limits.tolerance < 1.0) fewest = fmax(fewest, step * body->p.omega[0] / RESOLVED);
+    if (body->p->tied && body->limits.tolerance < 1.0) fewest = fmax(fewest, step * body->p->omega[0] / RESOLVED);
     return fmax(1.0, ceil(fmin(fewest, UNCOUNTED)));
 }
 
 /* Internal steps, more of them until their error is small enough; from (q, v) to (q1, v1). */
 static int divided_step(Body *body, const double *inputs, const double *inputs_end, double step, const double *q, const double *v,
                         int64_t *hint, Work *work) {
-    const size_t size = (size_t)body->p.modes * sizeof(double);
+    const size_t size = (size_t)body->p->modes * sizeof(double);
     /* An internal step takes two rounds at least. */
     const double rounds = most_rounds(body), most = fmax(1.0, floor(0.5 * rounds)), least = fewest_steps(body, step);
     work->substeps = (int64_t)least;
@@ -171,7 +171,7 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
         all.step = step / (double)all.count;
         memcpy(body->end_q, q, size);
         memcpy(body->end_v, v, size);
-        answer = kind_of(&body->p)->steps(body, &all, body->end_q, body->end_v);
+        answer = kind_of(body->p)->steps(body, &all, body->end_q, body->end_v);
         if (answer == NO_ROOM) return FLEX_NO_ROOM;
         work->iterations = all.rounds;
         work->substeps = all.count;
@@ -191,7 +191,7 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
 /* A step with its arrays in the body's workspace. */
 static int step_in_workspace(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
                              int64_t *hint, Work *work) {
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     const size_t size = (size_t)m * sizeof(double);
     if (!(isfinite(step) && step > 0.0)) return FLEX_BAD_STEP;
     Work done = {1, 0, 0.0};
@@ -200,8 +200,8 @@ static int step_in_workspace(Body *body, const double *inputs, const double *inp
         return FLEX_OK;
     }
     /* What rests without loads goes on resting. */
-    if (*hint == 1 && !(body->limits.longest > 0.0) && !body->p.tied && all_zero(inputs, body->p.loads) &&
-        all_zero(inputs_end, body->p.loads) && all_zero(q, m) && all_zero(v, m)) {
+    if (*hint == 1 && !(body->limits.longest > 0.0) && !body->p->tied && all_zero(inputs, body->p->loads) &&
+        all_zero(inputs_end, body->p->loads) && all_zero(q, m) && all_zero(v, m)) {
         *work = done;
         return FLEX_OK;
     }

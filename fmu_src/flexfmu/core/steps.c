@@ -10,7 +10,7 @@
 static const double NOISE = 1.0 / 16.0;
 
 void take_step(const Body *body, Arena *arena, Step *step) {
-    const int64_t m = body->p.modes;
+    const int64_t m = body->p->modes;
     for (int i = 0; i < 2; i++) {
         take_configuration(body, arena, &step->ends[i]);
         take_stretch(body, arena, &step->stretches[i]);
@@ -21,7 +21,7 @@ void take_step(const Body *body, Arena *arena, Step *step) {
     step->v0 = take(arena, m);
     step->q1 = take(arena, m);
     step->way = take(arena, m);
-    step->between = take(arena, body->p.loads);
+    step->between = take(arena, body->p->loads);
 }
 
 int internal_steps(const Stepper *stepper, Step *step, Body *body, Substeps *all, double *q, double *v) {
@@ -58,7 +58,7 @@ int internal_steps(const Stepper *stepper, Step *step, Body *body, Substeps *all
 
 void enter_state(Step *s, const double *q, const double *v) {
     Body *body = s->body;
-    memcpy(s->v0, v, (size_t)body->p.modes * sizeof(double));
+    memcpy(s->v0, v, (size_t)body->p->modes * sizeof(double));
     find_need(body, s->all->inputs, s->all->inputs_end);
     if (!recall(body, body->need, q, s->here)) {
         configure_linear(body, body->need, q, s->here);
@@ -77,7 +77,7 @@ void pass_on(Step *s) {
 }
 
 void leave_state(Step *s, double *q, double *v) {
-    const size_t size = (size_t)s->body->p.modes * sizeof(double);
+    const size_t size = (size_t)s->body->p->modes * sizeof(double);
     remember(s->body, s->body->need, s->here);
     memcpy(q, s->here->q, size);
     memcpy(v, s->v0, size);
@@ -86,7 +86,7 @@ void leave_state(Step *s, double *q, double *v) {
 void spread_at(Step *s, double place) {
     const Substeps *all = s->all;
     const double share = place / (double)all->count;
-    for (int64_t i = 0; i < s->body->p.loads; i++)
+    for (int64_t i = 0; i < s->body->p->loads; i++)
         s->between[i] = all->inputs[i] + share * (all->inputs_end[i] - all->inputs[i]);
     spread(s->body, s->between, &s->loads);
 }
@@ -94,7 +94,7 @@ void spread_at(Step *s, double place) {
 void spread_growth(Step *s, double *growth) {
     const Substeps *all = s->all;
     const Loads *loads = &s->loads;
-    const int64_t m = s->body->p.modes;
+    const int64_t m = s->body->p->modes;
     for (int64_t j = 0; j < m; j++) growth[j] = 0.0;
     spread(s->body, all->inputs, &s->loads);
     if (!all->inputs_end) return;
@@ -110,8 +110,8 @@ void close_bracket(Step *s, double bracket, double reach, double square) {
 }
 
 void subtract_damping(const Body *body, const double *rates, double *force) {
-    const int64_t m = body->p.modes;
-    for (int64_t j = 0; body->p.dampers && j < m; j++) force[j] -= dot(body->coupled + j * m, rates, m);
+    const int64_t m = body->p->modes;
+    for (int64_t j = 0; body->p->dampers && j < m; j++) force[j] -= dot(body->coupled + j * m, rates, m);
 }
 
 Progress progress_of(Step *s, double moved, double scale, double blurred, double tolerance) {
@@ -126,7 +126,7 @@ Progress progress_of(Step *s, double moved, double scale, double blurred, double
 double felt(double turn) { return turn > 1.0 ? 1.0 / (turn * turn) : 1.0; }
 
 double leading_error(const Step *s, const double *first, const double *last, const double *v) {
-    const Program *p = &s->body->p;
+    const Program *p = s->body->p;
     double error = 0.0, energy = 0.0;
     for (int64_t j = 0; j < p->modes; j++) {
         const double lost = p->weight[j] * s->rule->ramp[j] * (last[j] - first[j]), strained = p->omega[j] * s->q1[j];

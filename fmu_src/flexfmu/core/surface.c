@@ -25,10 +25,10 @@ typedef struct {
 
 static void take_shared(const Body *body, Arena *arena, Shared *room) {
     take_stretch(body, arena, &room->stretch);
-    room->taken = take(arena, body->p.modes);
-    room->moved = take(arena, 6 * body->p.frames);
-    room->bent = take(arena, 6 * body->p.frames);
-    room->slope = take(arena, body->p.modes);
+    room->taken = take(arena, body->p->modes);
+    room->moved = take(arena, 6 * body->p->frames);
+    room->bent = take(arena, 6 * body->p->frames);
+    room->slope = take(arena, body->p->modes);
 }
 
 void surface_demand(const Body *body, Arena *arena) {
@@ -37,7 +37,7 @@ void surface_demand(const Body *body, Arena *arena) {
 }
 
 static Surface surface_of(const Body *body, const int64_t *sizes, const int64_t *on, const double *numbers) {
-    const int64_t m = body->p.modes, n = sizes[1], r = sizes[2], g = sizes[3];
+    const int64_t m = body->p->modes, n = sizes[1], r = sizes[2], g = sizes[3];
     Surface s = {sizes[0], n, r, g, sizes[4], on, on + n, numbers, 0, 0, 0, 0, 0, 0, 0};
     s.mode = s.point + 3 * n;
     s.second = s.mode + 3 * n * m;
@@ -45,7 +45,7 @@ static Surface surface_of(const Body *body, const int64_t *sizes, const int64_t 
     s.turn = s.form + r * m * m;
     s.pivot = s.turn + 3 * g * m;
     s.joint = s.pivot + 3 * g;
-    s.bend = s.joint + 6 * body->p.frames * m;
+    s.bend = s.joint + 6 * body->p->frames * m;
     return s;
 }
 
@@ -56,7 +56,7 @@ static double half_form(const double *a, const double *q, double *slope, int64_t
 }
 
 static void share(const Body *body, const Surface *s, const double *q, Shared *to) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes;
     rows_times(s->joint, q, to->moved, 6 * p->frames, m);
     memset(to->taken, 0, (size_t)m * sizeof(double));
@@ -64,7 +64,7 @@ static void share(const Body *body, const Surface *s, const double *q, Shared *t
     stretch_at(body, q, &to->stretch);
     for (int64_t r = 0; r < p->stretches; r++)
         for (int64_t j = p->rigid; j < m; j++)
-            to->taken[j] += 2.0 * to->stretch.bent[r] * p->stretch_linear[r * m + j] / body->stiffness[j];
+            to->taken[j] += 2.0 * to->stretch.bent[r] * p->stretch_linear[r * m + j] / body->opened->stiffness[j];
     rows_times(s->joint, to->taken, to->bent, 6 * p->frames, m);
     for (int64_t i = 0; i < 6 * p->frames; i++) to->bent[i] += half_form(s->bend + i * m * m, q, to->slope, m);
 }
@@ -130,7 +130,7 @@ static void carry(const Program *p, const Surface *s, const Shared *at, const Co
 
 int body_surface(Body *body, const int64_t *sizes, const int64_t *on, const double *numbers, const double *q, double *value,
                  double *places) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const Surface s = surface_of(body, sizes, on, numbers);
     const int64_t m = p->modes;
     const int tree = s.kind != POINTS_LINEAR && p->frames;

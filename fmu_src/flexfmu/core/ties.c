@@ -6,16 +6,16 @@
 #include "forces.h"
 
 void take_pull(const Body *body, Arena *arena, Pull *pull) {
-    const int64_t n = body->p.pulls, m = body->p.modes;
+    const int64_t n = body->p->pulls, m = body->p->modes;
     pull->rows = take(arena, n * m);
     pull->answer = take(arena, n * m);
     pull->hold = take(arena, n * n);
     pull->square = take(arena, n * n);
     pull->strain = take(arena, n);
     pull->force = take(arena, n);
-    pull->loads = take(arena, 6 * body->p.nodes);
-    pull->factors = take(arena, 6 * n * body->p.nodes);
-    pull->bent = take(arena, n * body->p.parts * m);
+    pull->loads = take(arena, 6 * body->p->nodes);
+    pull->factors = take(arena, 6 * n * body->p->nodes);
+    pull->bent = take(arena, n * body->p->parts * m);
 }
 
 /* Entry of the stiffness (6, 6) of a tie against motions of its end a relative to its end b, levers `arms`. */
@@ -31,7 +31,7 @@ static double entry(const double *k, const double *arms, int64_t i, int64_t j) {
 }
 
 int pull_at(const Body *body, const Rule *rule, const Configuration *at, int64_t *pivot, Pull *pull) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, n = p->pulls, nodes = p->nodes;
     double *loads = pull->loads, *shared = pull->strain;
     memset(pull->rows, 0, (size_t)(n * m) * sizeof(double));
@@ -65,7 +65,7 @@ int pull_at(const Body *body, const Rule *rule, const Configuration *at, int64_t
 }
 
 void respond(const Body *body, const Rule *rule, Pull *pull, const double *x, const double *way, double *out) {
-    const int64_t m = body->p.modes, n = body->p.pulls;
+    const int64_t m = body->p->modes, n = body->p->pulls;
     rows_times(rule->response, x, out, m, m);
     for (int64_t j = 0; way && j < m; j++) out[j] += way[j];
     rows_times(pull->rows, out, pull->strain, n, m);

@@ -11,11 +11,11 @@ static const double IDENTITY[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 enum { NODE = 200 };
 
 void take_configuration(const Body *body, Arena *arena, Configuration *at) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     at->q = take(arena, p->modes);
     at->straight = take(arena, 6 * p->nodes);
     at->bent = take(arena, p->parts * p->modes);
-    at->turned = take(arena, body->bend_rows);
+    at->turned = take(arena, body->opened->bend_rows);
     at->local = take(arena, 6 * p->nodes);
     at->position = take(arena, 3 * p->nodes);
     at->rotation = take(arena, 9 * p->nodes);
@@ -66,9 +66,9 @@ void add_four(const Body *body, const double *factors, const double *packed, dou
 }
 
 void turn_rows(const Body *body, const Need *need, const double *bent, double *to) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     for (int64_t part = 0; part < p->parts && !over(body->slice); part++) {
-        const Bend *bend = body->bends + part;
+        const Bend *bend = body->opened->bends + part;
         const int64_t r = p->extent[part], size = packed_size(r);
         const double *curvature = bend->curvature;
         for (int64_t first = 0; first < bend->count; first += LANES, curvature += size) {
@@ -81,10 +81,10 @@ void turn_rows(const Body *body, const Need *need, const double *bent, double *t
 
 /* b and phi from their linear part and the curvature's share in their derivatives. */
 static void bend_rows(const Body *body, const Need *need, Configuration *at) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     memcpy(at->local, at->straight, (size_t)(6 * p->nodes) * sizeof(double));
     for (int64_t part = 0; part < p->parts; part++) {
-        const Bend *bend = body->bends + part;
+        const Bend *bend = body->opened->bends + part;
         const int64_t r = p->extent[part];
         for (int64_t k = 0; k < bend->count; k++)
             if (wanted(p, need, bend->row[k]))
@@ -119,7 +119,7 @@ static void place(const Program *p, const Need *need, Configuration *at) {
 }
 
 void configure_linear(const Body *body, const Need *need, const double *q, Configuration *at) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t size = 6 * p->nodes, fours = (p->modes + 3) / 4;
     const Rows now = rows_due(body->slice, fours, (double)(6 * size));
     const int64_t first = 4 * now.at, count = now.end == fours ? p->modes - first : 4 * now.end - first;
@@ -134,9 +134,9 @@ void configure_linear(const Body *body, const Need *need, const double *q, Confi
 }
 
 void configure_places(const Body *body, const Need *need, Configuration *at) {
-    if (!due(body->slice, (double)(body->bend_rows + NODE * body->p.nodes))) return;
+    if (!due(body->slice, (double)(body->opened->bend_rows + NODE * body->p->nodes))) return;
     bend_rows(body, need, at);
-    place(&body->p, need, at);
+    place(body->p, need, at);
 }
 
 void configure(const Body *body, const double *q, Configuration *at) {
@@ -145,8 +145,8 @@ void configure(const Body *body, const double *q, Configuration *at) {
 }
 
 double configuration_cost(const Body *body) {
-    const Program *p = &body->p;
-    return (double)((6 * p->nodes + body->bend_rows) * p->modes + NODE * p->nodes);
+    const Program *p = body->p;
+    return (double)((6 * p->nodes + body->opened->bend_rows) * p->modes + NODE * p->nodes);
 }
 
 static void mean_of(const double *a, const double *b, double *out, int64_t n) {
@@ -154,12 +154,12 @@ static void mean_of(const double *a, const double *b, double *out, int64_t n) {
 }
 
 void configure_halfway(const Body *body, const Need *need, const Configuration *a, const Configuration *b, Configuration *at) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     mean_of(a->q, b->q, at->q, p->modes);
     mean_of(a->straight, b->straight, at->straight, 6 * p->nodes);
     if (p->curved) {
         mean_of(a->bent, b->bent, at->bent, p->parts * p->modes);
-        mean_of(a->turned, b->turned, at->turned, body->bend_rows);
+        mean_of(a->turned, b->turned, at->turned, body->opened->bend_rows);
     }
     configure_places(body, need, at);
 }
@@ -179,7 +179,7 @@ static void copy_configuration(const Body *body, const Configuration *from, Conf
 static int same(const double *a, const double *b, int64_t n) { return memcmp(a, b, (size_t)n * sizeof(double)) == 0; }
 
 void find_need(Body *body, const double *inputs, const double *inputs_end) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t first = p->frames, masses = first + p->interfaces, lumps = masses + p->masses;
     memset(body->need, 1, (size_t)p->nodes * sizeof *body->need);
     for (int64_t k = lumps; k < lumps + p->lumps; k++) body->need[k].turn = 0;
@@ -200,21 +200,21 @@ void find_need(Body *body, const double *inputs, const double *inputs_end) {
 
 void remember(Body *body, const Need *need, const Configuration *at) {
     copy_configuration(body, at, &body->memo);
-    memcpy(body->memo_need, need, (size_t)body->p.nodes * sizeof *need);
+    memcpy(body->memo_need, need, (size_t)body->p->nodes * sizeof *need);
     body->memo_known = 1;
 }
 
 int recall(const Body *body, const Need *need, const double *q, Configuration *at) {
-    if (!body->memo_known || !same(q, body->memo.q, body->p.modes)) return 0;
-    for (int64_t k = 0; k < body->p.nodes; k++)
+    if (!body->memo_known || !same(q, body->memo.q, body->p->modes)) return 0;
+    for (int64_t k = 0; k < body->p->nodes; k++)
         if (need[k].offset > body->memo_need[k].offset || need[k].turn > body->memo_need[k].turn) return 0;
     copy_configuration(body, &body->memo, at);
     return 1;
 }
 
 const Configuration *whole_configuration(Body *body, const double *q) {
-    const int64_t n = body->p.nodes;
-    if (!body->memo_known || !same(q, body->memo.q, body->p.modes)) {
+    const int64_t n = body->p->nodes;
+    if (!body->memo_known || !same(q, body->memo.q, body->p->modes)) {
         configure(body, q, &body->memo);
     } else {
         int missing = 0;
@@ -224,7 +224,7 @@ const Configuration *whole_configuration(Body *body, const double *q) {
             missing |= body->need[k].offset | body->need[k].turn;
         }
         if (!missing) return &body->memo;
-        if (body->p.curved) turn_rows(body, body->need, body->memo.bent, body->memo.turned);
+        if (body->p->curved) turn_rows(body, body->need, body->memo.bent, body->memo.turned);
         configure_places(body, 0, &body->memo);
     }
     memset(body->memo_need, 1, (size_t)n * sizeof *body->memo_need);

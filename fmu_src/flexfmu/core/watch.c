@@ -20,7 +20,7 @@ typedef struct {
 enum { STABLE, LEAST, MOST, WORST, MISSED, OFF, FOUND };
 
 static void take_judgement(const Body *body, Arena *arena, Judgement *room) {
-    const int64_t e = body->p.elastic_count, rows = 6 * body->p.interfaces, columns = 1 + rows;
+    const int64_t e = body->p->elastic_count, rows = 6 * body->p->interfaces, columns = 1 + rows;
     room->change = take(arena, e * e);
     room->missed = take(arena, e * e);
     room->lower = take(arena, e * e);
@@ -51,16 +51,16 @@ static void sum_of_triangles(const double *factors, const double *triangles, int
 
 /* true = 1 + sum of loads times `change`, and what is missed of it. */
 static void judged(const Body *body, const double *inputs, double *change, double *missed, Slice *slice) {
-    const int64_t e = body->p.elastic_count;
-    sum_of_triangles(inputs, body->p.judge_change, body->p.loads, e, change, slice);
-    sum_of_triangles(inputs, body->p.judge_missed, body->p.loads, e, missed, slice);
+    const int64_t e = body->p->elastic_count;
+    sum_of_triangles(inputs, body->p->judge_change, body->p->loads, e, change, slice);
+    sum_of_triangles(inputs, body->p->judge_missed, body->p->loads, e, missed, slice);
     const Rows now = rows_due(slice, e, (double)e);
     for (int64_t i = now.at * e; i < now.end * e; i++) missed[i] = -missed[i];
     for (int64_t i = now.at; i < now.end; i++) change[i * (e + 1)] += 1.0;
 }
 
 int body_might_miss(const Body *body, const double *inputs, double limit) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     if (!p->judged) return 0;
     double stiffness = 1.0, missed = 0.0;
     for (int64_t i = 0; i < p->loads; i++) {
@@ -78,7 +78,7 @@ static int covers(const Judgement *room, double share, double sign, double *sum,
 }
 
 int pieces_of_missing(Body *body, const double *inputs, double limit, Arena arena, Slice *slice) {
-    const int64_t e = body->p.elastic_count;
+    const int64_t e = body->p->elastic_count;
     Judgement room;
     take_judgement(body, &arena, &room);
     if (arena.refused) return 1;
@@ -110,7 +110,7 @@ static double answer_size(const double *x, int64_t interface, int64_t columns) {
 
 /* What interfaces' motions in `loads` and `right` come to, of the interface that is off most. */
 static void find_worst(const Body *body, const double *inputs, const Judgement *room, Slice *slice) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t columns = 1 + 6 * p->interfaces, e = p->elastic_count;
     double *deflection = room->deflection, *off = room->off, disturbance = 0.0;
     const Rows now = rows_due(slice, 6 * p->interfaces, (double)(2 * e * columns));
@@ -137,7 +137,7 @@ static void find_worst(const Body *body, const double *inputs, const Judgement *
 /* Of the loads as they are, and of a disturbance that acts on an interface in the worst direction, over the larger of the two
  * deflections. Never more than that of any shape of the body. */
 void pieces_of_missed(Body *body, const double *inputs, Arena arena, Slice *slice) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t e = p->elastic_count, columns = 1 + 6 * p->interfaces, rows = 6 * p->interfaces;
     Judgement room;
     take_judgement(body, &arena, &room);
@@ -196,12 +196,12 @@ double missed_found(const Body *body, Arena arena, int *stable) {
 }
 
 double body_missed(Body *body, const double *inputs, double *margin) {
-    const int64_t e = body->p.elastic_count;
+    const int64_t e = body->p->elastic_count;
     Arena arena = work_arena(body);
     Judgement room;
     int stable;
     if (margin) *margin = 1.0;
-    if (!body->p.judged) return 0.0;
+    if (!body->p->judged) return 0.0;
     take_judgement(body, &arena, &room);
     if (arena.refused) return NAN;
     judged(body, inputs, room.change, room.missed, 0);
@@ -223,10 +223,10 @@ static void whole_turn(const Program *p, const double *q, const double *v, doubl
 
 double body_spin(Body *body, const double *q, const double *v) {
     double angle[3], rate[3], rotation[9], jacobian[9], spin[3];
-    if (!body->p.spins) return 0.0;
-    whole_turn(&body->p, q, v, angle, rate, rotation, jacobian);
-    apply(body->p.turns ? rotation : jacobian, rate, spin);
-    return norm(spin, 3) / body->p.omega[body->p.rigid];
+    if (!body->p->spins) return 0.0;
+    whole_turn(body->p, q, v, angle, rate, rotation, jacobian);
+    apply(body->p->turns ? rotation : jacobian, rate, spin);
+    return norm(spin, 3) / body->p->omega[body->p->rigid];
 }
 
 /* Place and momentum of the mass beyond one. */
@@ -237,7 +237,7 @@ typedef struct {
 
 static void take_missed(const Body *body, Arena *arena, MissedRoom *room) {
     take_polynomial(body, arena, &room->polynomial);
-    room->momentum = take(arena, body->p.modes);
+    room->momentum = take(arena, body->p->modes);
 }
 
 void inertia_demand(const Body *body, Arena *arena) {
@@ -246,7 +246,7 @@ void inertia_demand(const Body *body, Arena *arena) {
 }
 
 void body_missed_inertia(Body *body, const double *q, const double *v, double step, MissedInertia *so_far) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     Arena arena = work_arena(body);
     MissedRoom room;
     if (!p->mass_forms || p->inertial) return;
@@ -256,7 +256,7 @@ void body_missed_inertia(Body *body, const double *q, const double *v, double st
     const double missed = dot(v, room.momentum, p->inertial_modes), moved = dot(v, v, p->modes);
     double energy = moved;
     for (int64_t j = 0; j < p->modes; j++) {
-        energy += body->stiffness[j] * q[j] * q[j];
+        energy += body->opened->stiffness[j] * q[j] * q[j];
         /* Turned frames stretch the joints' linear springs without any cause. */
         if (p->tied) energy -= q[j] * dot(p->tie_initial + j * p->modes, q, p->modes);
     }
@@ -291,7 +291,7 @@ static double linear_reach(const Program *p, const double *q) {
 static const double UNSEEN = 1e-3;
 
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     const int64_t m = p->modes, count = p->interfaces;
     double mixed = 0.0;
     if (!p->mixed) return;
@@ -321,7 +321,7 @@ void body_truncation(const Body *body, const StepEnd *end, double *ahead, Trunca
 static const double UNFELT = 0.05;
 
 void body_momentum(Body *body, const double *q, const double *v, Momentum *so_far) {
-    const Program *p = &body->p;
+    const Program *p = body->p;
     double angle[3], rate[3], middle[3], rotation[9], jacobian[9], other[9], square[9] = {0}, values[3], axes[9], change[3];
     double felt[3], moment[3] = {0}, spin[3], turned[3], momentum[3], off[3];
     if (!p->spin_inertia_given) return;
