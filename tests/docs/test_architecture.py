@@ -4,6 +4,7 @@ import ast
 import io
 import re
 import tokenize
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -21,6 +22,14 @@ SHORT = [ROOT / name for name in ("fmu_src", "benchmarks", "demo", "docs", ".ci"
 BLANK = {getattr(tokenize, name) for name in ["COMMENT", "NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER"]}
 
 
+@cache
+def parsed(path):
+    """Text of a module, and its tree; each is read once."""
+    text = path.read_text(encoding="utf-8")
+    return text, ast.parse(text)
+
+
+@cache
 def modules():
     """Every module's name and file."""
     found = {}
@@ -41,7 +50,7 @@ def imports(name, path, known):
     """Modules of the package that a module imports."""
     package = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
     found = set()
-    for node in statements(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in statements(parsed(path)[1]):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -126,9 +135,9 @@ def test_functions_and_files_in_c_are_short():
     assert count > 200
 
 
-def python_functions(text):
+def python_functions(tree):
     """Names and lengths of a module's functions, from `def` to the end, docstrings included."""
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             yield node.name, node.end_lineno - node.lineno + 1
 
@@ -136,8 +145,8 @@ def python_functions(text):
 def test_functions_and_modules_in_python_are_short():
     long, count = [], 0
     for path in sorted(path for folder in SHORT for path in folder.rglob("*.py")):
-        text = path.read_text(encoding="utf-8")
-        found = list(python_functions(text))
+        text, tree = parsed(path)
+        found = list(python_functions(tree))
         count += len(found)
         long += [path.name] * (len(text.splitlines()) > LONGEST_FILE)
         long += [(path.name, name) for name, length in found if length > LONGEST_PYTHON_FUNCTION]
@@ -145,11 +154,11 @@ def test_functions_and_modules_in_python_are_short():
     assert count > 1500
 
 
-def code_lines(text):
+def code_lines(text, tree):
     """Lines with tokens, without docstrings."""
     tokens = tokenize.generate_tokens(io.StringIO(text).readline)
     lines = {number for each in tokens if each.type not in BLANK for number in range(each.start[0], each.end[0] + 1)}
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(tree):
         kinds = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
         if isinstance(node, kinds) and ast.get_docstring(node) is not None:
             lines -= set(range(node.body[0].lineno, node.body[0].end_lineno + 1))
@@ -157,7 +166,7 @@ def code_lines(text):
 
 
 def test_the_package_does_not_grow():
-    code = sum(code_lines(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py"))
+    code = sum(code_lines(*parsed(path)) for path in PACKAGE.rglob("*.py"))
     assert 10_000 < code <= MOST_CODE
 
 
@@ -165,7 +174,7 @@ def test_a_class_has_a_name_of_its_own():
     """One word, one meaning: no name of a class means two things."""
     found = {}
     for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(parsed(path)[1]):
             if isinstance(node, ast.ClassDef):
                 found.setdefault(node.name, []).append(path.relative_to(PACKAGE).as_posix())
     assert {name: paths for name, paths in found.items() if len(paths) > 1} == {}

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from flexfmu.build.config import BodyFile
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import InputTable, InterfaceTable, MeshTable
 from flexfmu.files.progress import Reporter
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.errors import ModalFileError, OptionError
 from flexfmu.model.inertia import without_frames
 from flexfmu.model.methods import Mass, Method, Variant, masses_of
@@ -23,6 +25,7 @@ from flexfmu.model.rotations import exponential
 from flexfmu.reduction import masses as lumping
 from flexfmu.reduction import piece
 from flexfmu.reduction.options import Basis
+from meshes import grid, lattice
 from reference import Reference
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
 
@@ -154,6 +157,20 @@ def test_every_lump_is_a_connected_share_of_one_frame_and_together_they_are_the_
     assert model.inertia.mass.size == lumping.LUMPS
     assert model.inertia.mass.sum() == pytest.approx(model.properties.mass, rel=1e-12)
     np.testing.assert_array_equal(np.unique(model.inertia.frame), np.arange(4))
+
+
+def test_lumps_of_a_graded_bar_weigh_the_same_whatever_the_sizes_of_its_elements():
+    """A uniform bar halved four times at its centres of mass, with elements of 0.3 to 35 % of a lump."""
+    count = 240
+
+    def place(p):
+        return np.column_stack([(1.02 ** p[:, 0] - 1.0) / (1.02**count - 1.0), 0.01 * p[:, 1:]])
+
+    mesh = lattice(ElementType.C3D8I, grid(count, 1, 1), place)
+    lumps = lumping.element_lumps(mesh, [SimpleNamespace(elements=np.arange(count), floating=False)])
+    volume = np.concatenate([each.sum(axis=(1, 2)) for each in mesh.volume_matrices])
+    shares = lumping.LUMPS * np.array([volume[elements].sum() for _, elements in lumps]) / volume.sum()
+    np.testing.assert_allclose(shares, np.ones(lumping.LUMPS), atol=0.2)
 
 
 @pytest.mark.slow
@@ -427,6 +444,7 @@ def test_stiff_coordinates_are_propagated_as_with_constant_mass(beam):
     np.testing.assert_array_equal(change[:, ~slow], 0.0)
 
 
+@pytest.mark.slow
 def test_a_body_with_its_lumps_comes_back_from_its_file(whole, tmp_path):
     model = replace(whole()[0], mass=HEAVY)
     write_modal_file(model, tmp_path / "body.h5")

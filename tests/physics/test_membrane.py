@@ -170,6 +170,7 @@ def test_what_is_taken_along_and_why_is_said_in_a_line(bodies):
     assert "3 of shapes that bend the body" in found[ARCH][1]
 
 
+@pytest.mark.slow
 def test_info_says_what_there_is(reduced):
     stream = io.StringIO()
     Console(file=stream, width=200).print(*describe(reduced(ARCH)))
@@ -265,6 +266,7 @@ def test_other_coordinates_have_the_same_energy(reduced):
     np.testing.assert_allclose(unit, np.eye(len(unit)), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_body_that_stiffens_bears_what_would_move_it_far_linearly(reduced):
     model = FlexibleBody(reduced(CLAMPED), SECOND)
     moved = [model.response(model.static({"middle": [0.0, f, 0.0]})).displacement[0, 1] for f in (2e5, 1e6)]

@@ -561,7 +561,7 @@ def test_quadratic_cells_of_a_mesh_file_are_shells(tmp_path, kind):
     np.testing.assert_allclose([mesh.volumes.sum(), np.ptp(mesh.points[:, 2])], [0.0005, 0.005])
 
 
-@pytest.mark.parametrize("name", ["strip.vtu", "strip.med"])
+@pytest.mark.parametrize("name", [pytest.param("strip.vtu", marks=pytest.mark.slow), "strip.med"])
 def test_a_body_file_makes_shells_of_a_mesh_file_that_bend_far_as_in_calculix(tmp_path, name):
     middle = Middle("strip")
     cells = np.array(middle.cells)

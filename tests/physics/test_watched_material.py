@@ -38,6 +38,7 @@ def guide():
         return parallelogram(4)
 
 
+@pytest.mark.slow
 def test_leaves_of_a_guide_turn_though_neither_block_nor_clamps_do(guide):
     """Guided leaves have the slope 1.5 u/L halfway, and that of the mean, u/L, at no end."""
     one = FlexibleBody(guide, Method.LINEAR)

@@ -136,6 +136,7 @@ def test_frequencies_under_axial_force_agree_with_calculix(beam):
         np.testing.assert_allclose(np.sqrt(squares[:6]) / (2.0 * np.pi), expected, rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_critical_load_agrees_with_calculix(beam):
     expected = -calculix(BEAM / "calculix" / "buckling.csv")["force_N"][0] / EULER
     assert critical_load(beam(modes=30), BY_LOAD) == pytest.approx(expected, rel=1e-3)
