@@ -16,10 +16,10 @@ from ..fe.gradients import mean_spin, quadratic_strain, turned_stress
 from ..files.array_types import FloatArray, IntArray
 from ..files.store import content_key
 from ..mesh.model import Mesh
-from ..model.rotations import skew
 from .basis import Matrices
 from .cut.loops import SLENDER
 from .division import distance_along, equal_labels, linked
+from .rigid_fit import rigid_motions
 
 # Slices between the supports and what is farthest from them: bending within one of them is none of the body's.
 _LEVELS = 32
@@ -90,8 +90,7 @@ def without_resultants(points: FloatArray, forces: FloatArray, sliced: list[IntA
     """
     result = forces.reshape(len(points), 3, -1).copy()
     for nodes in sliced:
-        arm = points[nodes] - points[nodes].mean(axis=0)
-        rigid = np.concatenate([np.broadcast_to(np.eye(3), (nodes.size, 3, 3)), -skew(arm)], axis=2).reshape(-1, 6)
+        rigid = rigid_motions(points[nodes] - points[nodes].mean(axis=0)).reshape(-1, 6)
         own = result[nodes].reshape(len(rigid), -1)
         result[nodes] = (own - rigid @ np.linalg.lstsq(rigid, own, rcond=None)[0]).reshape(nodes.size, 3, -1)
     return result.reshape(forces.shape)

@@ -23,6 +23,7 @@ from ..mesh.springs import SpringDamper
 from .bushings import Bushings, End
 from .options import BodyOptions, MaterialConstants, SupportNodes
 from .places import node_set
+from .rigid_fit import rigid_motions
 from .rigid_nodes import with_rigid_nodes
 
 KEYS = ("youngs_modulus", "poissons_ratio", "density")
@@ -310,11 +311,7 @@ def rigid_basis(points: FloatArray) -> FloatArray:
     """Translations, and rotations about the points' mean over the points' extent, (n, 3, 6), of points (n, 3)."""
     arm = points - points.mean(axis=0)
     size = max(float(np.abs(arm).max()), 1e-300)
-    motions = np.zeros((len(points), 3, 6))
-    motions[:, :, :3] = np.eye(3)
-    for axis in range(3):
-        motions[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm / size)
-    return motions
+    return rigid_motions(arm / size)
 
 
 def free_motions(points: FloatArray, held: BoolArray, soft: sp.csr_array | None = None) -> FloatArray:

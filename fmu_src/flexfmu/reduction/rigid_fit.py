@@ -32,7 +32,7 @@ class Weighted:
         if self.weight.shape[0] > self.nodes.size:
             # Momentum of a turn about the mean of the nodes tells how far the centre is from there.
             middle = points[self.nodes].mean(axis=0)
-            motions = _rigid_motions(points[self.nodes] - middle)
+            motions = rigid_motions(points[self.nodes] - middle)
             momenta = motions.reshape(-1, 6).T @ self.times(motions)
             return middle + np.array([momenta[1, 5], momenta[2, 3], momenta[0, 4]]) / momenta[0, 0]
         share = np.asarray(self.weight.sum(axis=0)).ravel()
@@ -45,7 +45,7 @@ class Weighted:
         return (self.weight @ motions.reshape(len(motions), -1)).reshape(-1, motions.shape[2])
 
 
-def _rigid_motions(arm: FloatArray) -> FloatArray:
+def rigid_motions(arm: FloatArray) -> FloatArray:
     """Translations and turns (k, 3, 6) of places (k, 3) from where they turn about."""
     basis = np.zeros((len(arm), 3, 6))
     basis[:, :, :3] = np.eye(3)
@@ -85,7 +85,7 @@ def rigid_fit(points: FloatArray, nodes: Weighted, origin: FloatArray) -> tuple[
     # About the centre translations and rotations do not mix, which makes the rank plain to see.
     centre = nodes.centre(points)
     arm = points[nodes.nodes] - centre
-    basis = _rigid_motions(arm)
+    basis = rigid_motions(arm)
     weighted = nodes.times(basis)
     motions = basis.reshape(-1, 6)
     # Rotations are scaled by the set's own size, so that the rank does not depend on units.

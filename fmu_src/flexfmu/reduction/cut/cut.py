@@ -18,13 +18,12 @@ from ...mesh.equations import coupled_nodes, renumbered
 from ...mesh.listing import listed
 from ...mesh.model import Mesh
 from ...mesh.springs import moved_springs
-from ...model.rotations import skew
 from ..bushings import Bushings
 from ..division import neighbours
 from ..model import Model, free_motions
 from ..options import Basis, BodyOptions, BranchJoints, InterfaceNodes, SupportNodes
 from ..places import node_set
-from ..rigid_fit import by_node, rigid_fit
+from ..rigid_fit import by_node, rigid_fit, rigid_motions
 from ..subdomains import elements_within
 from ..subdomains import section as section_weights
 from .loops import LoopSection
@@ -459,11 +458,7 @@ def section_tractions(part: Part, section: str, fields: FloatArray) -> FloatArra
     fitted = section_weights(mesh, nodes)
     fit, _ = rigid_fit(mesh.points, fitted, fitted.centre(mesh.points))
     # Self-equilibrated forces do no work on rigid motions; G R = 1.
-    arm = mesh.points[nodes] - fitted.centre(mesh.points)
-    rigid = np.zeros((nodes.size, 3, 6))
-    rigid[:, :, :3] = np.eye(3)
-    rigid[:, :, 3:] = -skew(arm)
-    motions = rigid.reshape(-1, 6)
+    motions = rigid_motions(mesh.points[nodes] - fitted.centre(mesh.points)).reshape(-1, 6)
     force -= fit.T @ (motions.T @ force)
     shapes, size, _ = np.linalg.svd(force, full_matrices=False)
     return shapes[:, size > _WARPING * size[0]]
