@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.optimize import least_squares
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
@@ -15,7 +14,7 @@ from ..files.array_types import FloatArray, IntArray
 from ..files.errors import DeckError, MeshError
 from ..files.toml_files import toml_value
 from ..files.units import UnitSystem
-from ..mesh.checks import connected_parts, is_likely, nodes_of_elements
+from ..mesh.checks import connected_parts, is_likely, linked_pieces, nodes_of_elements
 from ..mesh.formats import read_mesh
 from ..mesh.model import NO_MATERIAL, Mesh
 from ..reduction.model import KEYS, missing
@@ -71,8 +70,7 @@ def _smooth_pieces(faces: IntArray, normal: FloatArray) -> IntArray:
     same = np.flatnonzero(np.all(edges[1:] == edges[:-1], axis=1))
     first, second = owner[same], owner[same + 1]
     kept = np.einsum("ei,ei->e", normal[first], normal[second]) > _SMOOTH
-    graph = sp.coo_array((np.ones(int(kept.sum())), (first[kept], second[kept])), shape=(len(faces), len(faces)))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    return linked_pieces(np.column_stack([first, second])[kept], len(faces))
 
 
 def _bore(points: FloatArray, faces: IntArray, normal: FloatArray) -> Place | None:
@@ -302,9 +300,8 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
     part = connected_parts(mesh)
     # Corners of shells and beams are rigid links.
     joined = [(part[link.nodes[0]], part[node]) for link in mesh.links for node in link.nodes]
-    rows, columns = np.array(joined, dtype=np.int64).reshape(-1, 2).T
-    graph = sp.coo_array((np.ones(len(rows)), (rows, columns)), shape=2 * (int(part.max()) + 1,))
-    parts = np.sort(np.bincount(connected_components(graph, directed=False)[1][part]))[::-1]
+    pairs = np.array(joined, dtype=np.int64).reshape(-1, 2)
+    parts = np.sort(np.bincount(linked_pieces(pairs, int(part.max()) + 1)[part]))[::-1]
     if len(parts) > 1:
         raise MeshError(
             f"the mesh is in {len(parts)} parts that share no nodes (of {', '.join(map(str, parts[:3]))}"

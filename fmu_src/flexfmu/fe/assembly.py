@@ -1,9 +1,11 @@
 """Stiffness and mass of the mesh: of solids, shells, and the simplices that keep rigid nodes in shape."""
 
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.blocks import jacobians
@@ -114,9 +116,7 @@ def assembled(nodes: IntArray, matrices: FloatArray, size: int) -> sp.csr_array:
     (size, size) sparse
     """
     unknowns = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1).astype(np.int32)
-    count = unknowns.shape[1]
-    rows, columns = np.repeat(unknowns, count, axis=1).ravel(), np.tile(unknowns, (1, count)).ravel()
-    return sp.csr_array(sp.coo_array((matrices.ravel(), (rows, columns)), shape=(size, size)))
+    return scatter(unknowns, matrices, size)
 
 
 def summed(parts: Iterable[sp.csr_array]) -> sp.csr_array:
@@ -164,15 +164,15 @@ def mean_gradient(mesh: Mesh, elements: IntArray) -> tuple[IntArray, FloatArray]
     return nodes, total[nodes] / volume
 
 
-def scatter(nodes: IntArray, matrices: FloatArray, size: int) -> sp.csr_array:
-    """Sum element matrices into a scalar matrix over nodes.
+def scatter(nodes: NDArray[np.integer[Any]], matrices: FloatArray, size: int) -> sp.csr_array:
+    """Sum element matrices into one over nodes or unknowns.
 
     Parameters
     ----------
     nodes : (n_elements, node_count) int
     matrices : (n_elements, node_count, node_count) float
     size : int
-        Number of nodes.
+        Number of nodes or unknowns.
 
     Returns
     -------

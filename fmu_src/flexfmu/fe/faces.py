@@ -6,6 +6,7 @@ import scipy.sparse as sp
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.blocks import FaceBlock
 from ..mesh.shapes import FACE_RULES, FACE_SHAPES
+from .assembly import scatter
 
 
 def select(faces: tuple[FaceBlock, ...], nodes: IntArray, *, outer: bool) -> tuple[IntArray, ...]:
@@ -61,13 +62,10 @@ def area_matrix(points: FloatArray, faces: tuple[IntArray, ...], nodes: IntArray
     for block in faces:
         if not len(block):
             continue
-        count = block.shape[1]
-        shape, rule = FACE_SHAPES[count], FACE_RULES[count]
+        shape, rule = FACE_SHAPES[block.shape[1]], FACE_RULES[block.shape[1]]
         value = shape.value(rule.points)
         tangents = np.einsum("fai,qaj->qfij", points[block], shape.gradient(rule.points))
         area = np.linalg.norm(np.cross(tangents[..., 0], tangents[..., 1]), axis=-1)
         matrices = np.einsum("qa,qb,q,qf->fab", value, value, rule.weights, area, optimize=True)
-        local = np.searchsorted(nodes, block)
-        rows, columns = np.repeat(local, count, axis=1).ravel(), np.tile(local, (1, count)).ravel()
-        total = total + sp.csr_array(sp.coo_array((matrices.ravel(), (rows, columns)), shape=total.shape))
+        total = total + scatter(np.searchsorted(nodes, block), matrices, nodes.size)
     return total

@@ -145,6 +145,12 @@ def connected_parts(mesh: Mesh) -> IntArray:
     return numbered.astype(np.int64)
 
 
+def linked_pieces(pairs: IntArray, count: int) -> IntArray:
+    """Number (count,) of the connected piece of each of some things, by pairs (k, 2) that hang together."""
+    graph = sparse.coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
+    return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
 def jacobian_determinants(points: FloatArray, block: ElementBlock) -> FloatArray:
     """Return the determinants of the map from the reference element, where soundness is asked for.
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from ..fe.unknowns import Unknowns, unknowns
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.axes import orthonormal
 from ..files.errors import BodyFileError, ModelError
 from ..files.units import UnitSystem
-from ..mesh.checks import connected_parts, without_mechanisms
+from ..mesh.checks import connected_parts, linked_pieces, without_mechanisms
 from ..mesh.equations import simplex
 from ..mesh.listing import listed
 from ..mesh.model import NO_MATERIAL, Material, Mesh
@@ -349,9 +348,7 @@ def _rigidly_joined(mesh: Mesh, piece: IntArray) -> IntArray:
         for number in np.unique(piece[link.nodes]).tolist()
         if size[number] == 1 or simplex(mesh.points, link.nodes[piece[link.nodes] == number])[0].size > 2
     ]
-    rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-    graph = sp.coo_array((np.ones(len(pairs)), (rows, columns)), shape=2 * (first + len(mesh.links),))
-    return np.array(connected_components(graph, directed=False)[1][piece])
+    return linked_pieces(np.array(pairs, dtype=np.int64).reshape(-1, 2), first + len(mesh.links))[piece]
 
 
 def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, held: BoolArray) -> FloatArray:

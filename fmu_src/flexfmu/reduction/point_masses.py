@@ -7,7 +7,7 @@ On a single node A is that node's displacement, and there is nothing that its ro
 import numpy as np
 import scipy.sparse as sp
 
-from ..fe.assembly import mass
+from ..fe.assembly import assembled, mass
 from ..files.array_types import FloatArray
 from ..files.errors import ModelError
 from ..mesh.model import Mesh, PointMass
@@ -49,10 +49,7 @@ def point_mass_matrix(mesh: Mesh) -> sp.csr_array:
         operator = attachment(mesh.points, one)
         own = np.zeros((6, 6))
         own[:3, :3], own[3:, 3:] = one.mass * np.eye(3), one.inertia
-        unknown = (3 * one.nodes[:, None] + np.arange(3)).ravel()
-        rows, columns = np.repeat(unknown, unknown.size), np.tile(unknown, unknown.size)
-        entries = (operator.T @ own @ operator).ravel()
-        total = total + sp.csr_array(sp.coo_array((entries, (rows, columns)), shape=(size, size)))
+        total = total + assembled(one.nodes[None], operator.T @ own @ operator, size)
     return total
 
 

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ...files.array_types import BoolArray, FloatArray, IntArray
-from ...mesh.checks import nodes_of_elements
+from ...mesh.checks import linked_pieces, nodes_of_elements
 from ...mesh.equations import coupled_nodes
 from ...mesh.model import Mesh
 from ..division import distance_along
@@ -116,9 +116,7 @@ def support_groups(mesh: Mesh, nodes: IntArray) -> IntArray:
         for a, b in zip(*np.triu_indices(inside.shape[1], 1), strict=True):
             both = (inside[:, a] >= 0) & (inside[:, b] >= 0)
             pairs.append(inside[both][:, [a, b]])
-    ends = np.concatenate(pairs)
-    graph = sp.coo_array((np.ones(len(ends)), ends.T), shape=(nodes.size, nodes.size))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    return linked_pieces(np.concatenate(pairs), nodes.size)
 
 
 def element_contacts(mesh: Mesh) -> Contacts:
@@ -215,8 +213,7 @@ def _sides_hang_together(contacts: Contacts, side: IntArray) -> bool:
     """Whether each side is in one piece."""
     ends = side[contacts.elements]
     same = contacts.elements[(ends[:, 0] == ends[:, 1]) & (ends[:, 0] >= 0)]
-    graph = sp.coo_array((np.ones(len(same)), same.T), shape=(side.size, side.size))
-    number = connected_components(graph, directed=False)[1]
+    number = linked_pieces(same, side.size)
     return all(np.unique(number[side == one]).size == 1 for one in (0, 1))
 
 
@@ -287,18 +284,12 @@ def inner_sections(mesh: Mesh, anchored: IntArray, clear: Mapping[str, IntArray]
         closed &= ~opened[1]
 
 
-def _linked(pairs: IntArray, count: int) -> IntArray:
-    """Number (count,) of the connected piece of each of some elements, by pairs (k, 2) that hang together."""
-    graph = sp.coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
-
-
 def _loops(
     pairs: IntArray, level: IntArray, middle: FloatArray, held: BoolArray, shortest: float
 ) -> tuple[IntArray, list[_Loop]]:
     """Pieces (e,) of levels (e,), and the loops that they close, the longest first; `pairs` (k, 2) hang together."""
     same = level[pairs[:, 0]] == level[pairs[:, 1]]
-    piece = _linked(pairs[same], middle.size)
+    piece = linked_pieces(pairs[same], middle.size)
     near = np.full(int(piece.max()) + 1, np.inf)
     np.minimum.at(near, piece, middle)
     links = np.unique(np.sort(piece[pairs[~same]], axis=1), axis=0).tolist()
@@ -377,7 +368,7 @@ def _best_inner(
 def _beside(contacts: Contacts, closed: BoolArray, around: BoolArray, side: IntArray, across: BoolArray) -> bool:
     """Whether a way leads past a section, by contacts (c,) that stay closed, through the elements (e,) around it."""
     near = closed & around[contacts.elements].all(axis=1)
-    piece = _linked(contacts.elements[near], side.size)
+    piece = linked_pieces(contacts.elements[near], side.size)
     ends = contacts.elements[across]
     first = side[ends[:, 0]] == 0
     return bool(
