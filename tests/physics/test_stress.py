@@ -5,14 +5,16 @@ import dataclasses
 import numpy as np
 import pytest
 
+from bodies import random_body
 from driven import Driven
-from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.build.tables import StressTable
 from flexfmu.fe.stress import point_stress
 from flexfmu.files.units import UnitSystem
 from flexfmu.fmu.description import Runtime
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
+from flexfmu.model.reduced_body import StressSet
 from references import BEAM
 
 SECOND_MOMENT = 0.03**4 / 12.0
@@ -75,6 +77,18 @@ def test_von_mises_stress_of_tension_and_torsion(beam):
     shear = np.sqrt(3.0 * (stress[:, 3] ** 2 + stress[:, 5] ** 2)).max()
     assert body.von_mises(twisted)[0] == pytest.approx(shear, rel=1e-2)
     assert shear > 1e6
+
+
+def test_von_mises_stress_is_that_of_the_principal_stresses(random):
+    """With all components of any sign, of which each point has its own: half the squares of the differences."""
+    stress = 1e6 * random.standard_normal((40, 6, 6))
+    sets = (StressSet("all", random.standard_normal((40, 3)), stress),)
+    body, q = FlexibleBody(random_body(1, stress_sets=sets), "linear"), random.standard_normal(6)
+    xx, yy, zz, xy, yz, zx = np.moveaxis(stress @ q, 1, 0)
+    tensor = np.moveaxis(np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]), 2, 0)
+    principal = np.linalg.eigvalsh(tensor)
+    expected = np.sqrt(0.5 * ((principal - np.roll(principal, 1, axis=1)) ** 2).sum(axis=1))
+    assert body.von_mises(State(q, q))[0] == pytest.approx(expected.max(), rel=1e-12)
 
 
 @pytest.mark.parametrize("runtime", Runtime)
