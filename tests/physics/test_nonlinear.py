@@ -44,7 +44,7 @@ def test_large_deflections_are_those_of_calculix(folder, table, direction, colum
     assert np.linalg.norm(moved[-1]) > 0.08
     for row, expected in zip(moved, displacement(chosen), strict=True):
         assert relative(row, expected) < 1e-6
-    assert found.iterations < 40
+    assert found.increments <= found.iterations < 40
 
 
 @pytest.mark.long

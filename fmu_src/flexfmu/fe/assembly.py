@@ -1,11 +1,9 @@
 """Stiffness and mass of the mesh: of solids, shells, and the simplices that keep rigid nodes in shape."""
 
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..files.array_types import FloatArray, IntArray
 from ..mesh.blocks import jacobians
@@ -116,7 +114,7 @@ def assembled(nodes: IntArray, matrices: FloatArray, size: int) -> sp.csr_array:
     (size, size) sparse
     """
     unknowns = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1).astype(np.int32)
-    return scatter(unknowns, matrices, size)
+    return scatter(unknowns, matrices, size)  # type: ignore[arg-type]
 
 
 def summed(parts: Iterable[sp.csr_array]) -> sp.csr_array:
@@ -164,7 +162,7 @@ def mean_gradient(mesh: Mesh, elements: IntArray) -> tuple[IntArray, FloatArray]
     return nodes, total[nodes] / volume
 
 
-def scatter(nodes: NDArray[np.integer[Any]], matrices: FloatArray, size: int) -> sp.csr_array:
+def scatter(nodes: IntArray, matrices: FloatArray, size: int) -> sp.csr_array:
     """Sum element matrices into one over nodes or unknowns.
 
     Parameters
