@@ -6,6 +6,8 @@ work arrays, memos, and bookkeeping of round-off. What compiles to the same byte
 
 First run the tests that noticed others in the same file, then the quick tests of ROWS, the slow ones of these, and for
 what is left every quick test. Limits are in processor time, so that other work on the machine decides nothing.
+
+What a number of a seed is follows from the lines of physics, and changes with them: the record says of which commit.
 """
 
 from __future__ import annotations
