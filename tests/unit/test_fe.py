@@ -412,6 +412,17 @@ def test_what_does_not_fit_into_memory_is_refused_with_its_size_before_it_is_beg
         assert 'pip install "flexfmu[fast]"' in told[0]
 
 
+def test_a_search_for_an_order_that_a_signal_has_ended_does_not_count_as_a_singular_matrix(monkeypatch):
+    # METIS catches SIGTERM; pymetis throws what Python cannot name.
+    def ended(adjacency):
+        raise RuntimeError("Caught an unknown exception!")
+
+    monkeypatch.setattr(factorisation, "_pardiso", lambda: None)
+    monkeypatch.setattr(factorisation.pymetis, "nested_dissection", ended)
+    with pytest.raises(ModelError, match="METIS has found no order of elimination for 5 unknowns: memory was short, or"):
+        Factorisation(sp.eye_array(5, format="csr"), np.arange(5))
+
+
 def test_a_solver_that_lacks_memory_says_so_and_not_that_the_body_is_free_to_move(monkeypatch):
     def pardiso(*given):
         phase, error = (cast(given[place], POINTER(c_int32)) for place in (4, -1))

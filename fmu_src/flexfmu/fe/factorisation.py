@@ -54,11 +54,23 @@ def dissection_order(matrix: sp.csr_array, node: IntArray) -> IntArray:
     -------
     (n,) int
         Unknowns in the order of elimination; those of a node stay together.
+
+    Raises
+    ------
+    ModelError
+        METIS has ended without one.
     """
     _, compact = np.unique(node, return_inverse=True)
     graph = _node_graph(matrix, compact)
     adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
-    _, position = pymetis.nested_dissection(adjacency=adjacency)
+    try:
+        _, position = pymetis.nested_dissection(adjacency=adjacency)
+    except RuntimeError as error:
+        # METIS catches signals, lack of memory among them, and does not tell which.
+        raise ModelError(
+            f"METIS has found no order of elimination for {matrix.shape[0]} unknowns: memory was short, or a signal told "
+            "the process to end; end other programs, and start again"
+        ) from error
     return np.argsort(np.asarray(position)[compact], kind="stable")
 
 
