@@ -101,7 +101,10 @@ def test_a_linear_beam_misses_as_much_of_its_deflection_as_it_is_pressed(mapped)
     for factor in ("0.05", "0.6"):
         assert found(folder, "axial", factor, "linear").error == pytest.approx(float(factor), rel=0.03)
     assert found(folder, "axial", "0.6", "linear").verdict == "warned"
-    assert found(folder, "axial", "0.6", "4 × frames").verdict == "right"
+    near = found(folder, "axial", "0.6", "4 × frames")
+    assert near.error == pytest.approx(0.019, rel=0.1)
+    assert near.verdict == "warned"
+    assert found(folder, "axial", "0.05", "4 × frames").verdict == "right"
 
 
 def test_the_linear_beams_error_under_an_end_moment_is_that_against_an_arc(mapped):
@@ -114,15 +117,15 @@ def test_the_linear_beams_error_under_an_end_moment_is_that_against_an_arc(mappe
     assert run.verdict == "warned"
     # Material would turn by more than 90°.
     assert found(folder, "moment", "1", "linear").verdict == "refused"
-    assert found(folder, "moment", "1", "4 × frames").verdict == "right"
+    assert found(folder, "moment", "1", "4 × frames").error < 0.01
+    assert found(folder, "moment", "0.6", "4 × frames").verdict == "right"
 
 
 def test_the_default_beam_knows_its_error_and_says_so_at_its_critical_load(mapped):
-    """The map's reference has frames alone: it is right to some 0.1 %."""
     folder, _, _ = mapped
     for case, factor in (("axial", "0.05"), ("axial", "0.6"), ("moment", "0.6"), ("moment", "1")):
         run, told = (found(folder, case, factor, model) for model in ("default", ESTIMATE))
-        assert run.error == pytest.approx(told.error, abs=0.0015)
+        assert run.error == pytest.approx(told.error, abs=2e-4)
         assert (run.verdict, told.verdict) == ("right", "right")
     assert found(folder, "axial", "1", ESTIMATE).error > 0.01
     assert found(folder, "axial", "1", ESTIMATE).verdict == "warned"

@@ -283,14 +283,15 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
 void pieces_of_error(Body *body, Body *shadow, const double *inputs, const double *q, Arena arena, Slice *slice) {
     const int64_t interfaces = body->p->interfaces;
     Room *room = room_in(shadow, &arena);
-    /* Joints of a shadow with loops opened were loops of the body, which a first step closes. */
-    const int opened = shadow->p->ties > body->p->ties;
+    /* Joints of a shadow with loops opened were loops of the body, which a first step closes. Motion of first order stretches
+     * the shadow so much that the first step leads back little of the way. */
+    const int again = shadow->p->ties > body->p->ties || !body->p->curved;
     shadow->slice = slice;
     if (due(slice, 0.0)) {
         memset(room->found, 0, FOUND * sizeof(double));
         memset(room->error, 0, (size_t)(2 * interfaces) * sizeof(double));
     }
-    if (body_at(body, shadow, inputs, q, room) && (over(slice) || (newton_step(shadow, room, inputs) && (!opened || newton_step(shadow, room, inputs))))) {
+    if (body_at(body, shadow, inputs, q, room) && (over(slice) || (newton_step(shadow, room, inputs) && (!again || newton_step(shadow, room, inputs))))) {
         if (over(slice)) {
             shadow->slice = 0;
             return;

@@ -67,10 +67,7 @@ def dissection_order(matrix: sp.csr_array, node: IntArray) -> IntArray:
         _, position = pymetis.nested_dissection(adjacency=adjacency)
     except RuntimeError as error:
         # METIS catches signals, lack of memory among them, and does not tell which.
-        raise ModelError(
-            f"METIS has found no order of elimination for {matrix.shape[0]} unknowns: memory was short, or a signal told "
-            "the process to end; end other programs, and start again"
-        ) from error
+        raise ModelError("METIS has not ordered the unknowns: a signal has ended it, or memory was short") from error
     return np.argsort(np.asarray(position)[compact], kind="stable")
 
 

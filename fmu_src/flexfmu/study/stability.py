@@ -1,7 +1,7 @@
 """Where methods stop working: models of a body under growing parts of a scene's static loads, by the FMU's core.
 
-All have the modes of `[reference]` and residual flexibility, so that they differ by method and frames alone. They are
-compared with the model of `[reference] frames`.
+All have the modes of `[reference]` and residual flexibility, so that they differ by method and frames alone, and tell
+their error. They are compared with the default model of `[reference]` modes and frames.
 """
 
 import math
@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from ..body.flexible_body import FlexibleBody
-from ..body.loads import Loads
+from ..build.reduce import reduce_body
 from ..core.library import library_path
 from ..files.array_types import FloatArray
 from ..files.figures import ORANGE, VERMILION, Drawing, save
@@ -30,12 +31,12 @@ from ..files.store import Store
 from ..files.targets import PICTURE_SUFFIXES, check_target
 from ..fmu.python_slave import BodySlave, SlaveError, core_file
 from ..model.errors import RuntimeBodyError
-from ..model.methods import Method, Variant, has_frames
+from ..model.methods import Mass, Variant, has_frames
 from ..model.reduced_body import ReducedBody
 from ..model.variants import lean
 from ..program.programs import programs, with_guid
 from ..program.variable_table import ERROR, STATUS_CODE, variable_table
-from .candidates import Candidate, Reduction, has_meaning, linear_frames
+from .candidates import Candidate, Reduction, has_meaning, linear_frames, reduction_config
 from .records import RUNS, RecordFile, Run, Verdict, verdict
 from .scene.config import BasisChoice, SceneError
 from .scene.reference import by_default
@@ -144,8 +145,8 @@ _WORDS = {
 }
 ESTIMATE = "its own estimate"
 """Row of the map that has what the default model says its error is."""
-Truth = Mapping[tuple[str, str], FloatArray | None]
-"""Displacements (I, 3) of the interfaces that count, m, by case and factor; None where there is no equilibrium."""
+Truth = Mapping[tuple[str, str], FloatArray]
+"""Displacements (I, 3) of the interfaces that count, m, by case and factor of each equilibrium."""
 
 
 def map_stability(
@@ -231,23 +232,18 @@ def _reduction(scene: Scene, frames: int) -> Reduction:
 
 
 def _truth(workshop: Workshop) -> Truth:
-    """What the finest model does: with the stiffness of the loads, and without it where that has no equilibrium."""
-    scene = workshop.scene
-    methods = [Method.FRAMES] if scene.config.cut else [Method.FRAMES_STIFFNESS, Method.FRAMES]
-    finest = workshop.body(_reduction(scene, max(scene.file.reference.frames, 1)), [Variant(one) for one in methods])
-    models = [FlexibleBody(lean(finest, Variant(one))) for one in methods]
-
-    def displacement(loads: Loads) -> FloatArray | None:
-        for model in models:
-            with suppress(RuntimeBodyError):
-                return model.response(model.static(loads)).displacement[scene.read_index]
-        return None
-
-    return {
-        (case.name, f"{factor:g}"): displacement(case.peak.scaled(factor))
-        for case in scene.static
-        for factor in scene.file.stability.factors
-    }
+    """What the finest model does, where it has an equilibrium."""
+    scene, settings = workshop.scene, workshop.scene.file.reference
+    # Parts of a cut body are divided as the body file says, or not at all.
+    asked = {"frames": max(settings.frames, 1) if scene.config.cut else None}
+    fine = by_default(scene.config, Mass.CONSTANT, settings.modes, error=False).model_copy(update=asked)
+    model = FlexibleBody(reduce_body(fine, Reporter(), workshop.store, settings.frames))
+    found: dict[tuple[str, str], FloatArray] = {}
+    for case, factor in product(scene.static, scene.file.stability.factors):
+        with suppress(RuntimeBodyError):
+            moved = model.response(model.static(case.peak.scaled(factor))).displacement
+            found[case.name, f"{factor:g}"] = moved[scene.read_index]
+    return found
 
 
 def _run(workshop: Workshop, mapped: Candidate | None, truth: Truth) -> list[Run]:
@@ -256,7 +252,8 @@ def _run(workshop: Workshop, mapped: Candidate | None, truth: Truth) -> list[Run
     if mapped is None:
         body = build(by_default(scene.config), workshop.store).body
     else:
-        body = lean(workshop.body(mapped.reduction, [mapped.variant]), mapped.variant)
+        config = reduction_config(scene.config, mapped.reduction, [mapped.variant]).certified
+        body = lean(build(config, workshop.store).body, mapped.variant)
     peaks = {case.name: case.peak for case in scene.static}
     found = []
     with BodyPrograms(body) as programs:
@@ -264,7 +261,7 @@ def _run(workshop: Workshop, mapped: Candidate | None, truth: Truth) -> list[Run
             start, error = time.perf_counter(), math.nan
             loads = peaks[blank.case].scaled(float(blank.factor)).packed(body.masses is not None)
             slave = DrivenSlave(programs, {"initialization": "static"}, loads)
-            expected = truth[blank.case, blank.factor]
+            expected = truth.get((blank.case, blank.factor))
             if not slave.refused and expected is not None:
                 moved = slave.motion()[scene.read_index, 0]
                 error = float(np.linalg.norm(moved - expected) / np.linalg.norm(expected))

@@ -318,8 +318,7 @@ class Workshop:
         found, before = self._bodies.get(reduction, (None, ()))
         if found is None or not set(variants) <= set(before):
             before = tuple(dict.fromkeys([*variants, *before]))
-            config = reduction_config(self.scene.config, reduction, list(before))
-            found = build(config.without_pictures, self.store)
+            found = build(reduction_config(self.scene.config, reduction, list(before)).without_pictures, self.store)
             self._bodies[reduction] = found, before
         return found
 
