@@ -78,7 +78,7 @@ def test_what_an_interrupted_run_left_is_continued_by_other_processes_too(mapped
     text = (folder / "runs.csv").read_text(encoding="utf-8")
     lines = text.splitlines(keepends=True)
     (folder / "broken.csv").write_text("".join(lines[:-1]) + lines[-1][:20], encoding="utf-8")
-    with Crew("2") as crew:
+    with Crew(2) as crew:
         map_stability(scene, folder / "broken.csv", None, Reporter(), Store(), crew)
     one, two = ([replace(run, seconds=0.0) for run in RUNS.read(folder / name)] for name in ("runs.csv", "broken.csv"))
     assert repr(one) == repr(two)

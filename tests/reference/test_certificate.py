@@ -52,7 +52,7 @@ def test_the_error_is_a_step_or_two_of_newton_s_method_of_the_shadow_under_the_s
     )
     rng, span = np.random.default_rng(seed + 2), model.shadow.embedding
     q, inputs = size * rng.standard_normal(own.modes), rng.standard_normal(6 * model.interface_count + 3)
-    found, share = body.core.error(Core(shadow_draft(body.model).image()), inputs, q)
+    found, share, _ = body.core.error(Core(shadow_draft(body.model).image()), inputs, q)
     inertia = span @ (own.force(inputs, q) - own.stiffness * q)
     shadow, elastic = FlexibleBody(model.shadow.body, Method.SECOND_ORDER), slice(model.rigid_count, None)
     scale, moved = 1.0 / np.sqrt(finer.stiffness[elastic]), span @ q
