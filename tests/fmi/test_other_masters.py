@@ -127,7 +127,8 @@ def on_tip(loads):
 def run_of(name, path, texts, later, step=STEP):
     """A run in another master, in a process with a deadline: outputs, or None, and all it says."""
     if name not in PYTHONS and importlib.util.find_spec(MODULES.get(name, name)) is None and shutil.which(name) is None:
-        pytest.skip(f"{name} is not installed: pip install {name.replace('_', '-')}")
+        how = "build it from the Reference FMUs' sources, put it on the PATH"
+        pytest.skip(f"{name} is not there: {how if name == 'fmusim' else 'pip install ' + name.replace('_', '-')}")
     arguments = json.dumps([str(path), texts, LOADS, later, step, COUNT, OUTPUTS])
     command = [PYTHONS.get(name, sys.executable), str(SCRIPTS / "python_masters.py"), name, arguments]
     done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE, check=False)

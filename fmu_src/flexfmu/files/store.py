@@ -34,7 +34,7 @@ _LIBRARIES = ("numpy", "scipy", "pymetis", "pypardiso", "mkl")
 
 @cache
 def code_digest(module: str) -> str:
-    """Hash of the code of a module.
+    """Hash of the code of a module; kept, since it takes a second or two to find.
 
     Parameters
     ----------
@@ -46,16 +46,22 @@ def code_digest(module: str) -> str:
     str
         12 hexadecimal digits.
     """
+    files = [path for path in sorted((_ROOT / _PACKAGE).rglob("*")) if path.suffix in (".py", *_COMPILED)]
+    texts = [(path.name, hashlib.sha256(path.read_bytes()).digest()) for path in files]
+    key = _hash(module, sys.version, texts, [_version(name) for name in _LIBRARIES])
+    found = Store(default_folder()).arrays(key, "Hash", Reporter(), lambda: {"hash": np.array(_found_digest(module))})
+    return str(found["hash"])
+
+
+def _found_digest(module: str) -> str:
     digest = hashlib.sha256()
     for name in sorted(imported_modules(module)):
         if name == _UNITS or not name.startswith(f"{_ROOM}."):
             digest.update(f"{name}\0{_read(name)[0]}\0".encode())
         # What is compiled belongs to the module that calls it.
-        compiled = (
-            [path for path in _source(name).parent.iterdir() if path.suffix in _COMPILED] if name == _CORE else []
-        )
-        for path in sorted(compiled):
-            digest.update(f"{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+        for path in sorted(_source(name).parent.iterdir()) if name == _CORE else ():
+            if path.suffix in _COMPILED:
+                digest.update(f"{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
     digest.update(repr([_version(name) for name in _LIBRARIES]).encode())
     return digest.hexdigest()[:12]
 

@@ -110,7 +110,7 @@ _CALLS = tuple(FUNCTIONS.values())
 _WORDS, _LOOK = 2**14, 0.1
 _joined: "WeakSet[ForeignSlave]" = WeakSet()
 _HEAR = ctypes.CFUNCTYPE(None, ctypes.c_int64)
-_START = "Instantiate"
+START = "Instantiate"
 
 
 class ForeignSlave:
@@ -139,7 +139,7 @@ class ForeignSlave:
         self._raised: BaseException | None = None
 
     def start(self, path: Path, variables: int, **construction: str) -> None:
-        """Have the instance made there, which takes its time; `ready` waits for it.
+        """Have the instance made there, which takes its time; `answered` waits for it.
 
         Parameters
         ----------
@@ -151,17 +151,13 @@ class ForeignSlave:
             Arguments of `Instance`.
         """
         self._memory = Memory(path, 4 * (_WORDS + 4 * variables))
-        self.worker.send((_START, (path,), construction))
-
-    def ready(self) -> None:
-        """Wait until it is made."""
-        self._answered(_START)
+        self.worker.send((START, (path,), construction))
 
     def call(self, name: str, *arguments: Any) -> int:
         """Status of a call there."""
         self._end_loop(name)
         self.worker.send((name, arguments, {}))
-        return self._answered(name)
+        return self.answered(name)
 
     def join(self, participant: Any) -> None:
         """Let the core's loop call it.
@@ -206,8 +202,17 @@ class ForeignSlave:
         if self._over:
             raise SimulationError(f"fmu {self._name!r}: its process has ended before fmi2{call}")
 
-    def _answered(self, call: str) -> int:
-        """Wait for the end of a call.
+    def answered(self, call: str) -> int:
+        """Wait for the end of a call that was sent: its status.
+
+        Parameters
+        ----------
+        call : str
+            As FMI has it, without "fmi2".
+
+        Returns
+        -------
+        int
 
         Raises
         ------

@@ -14,7 +14,7 @@ from fmpy.logging import logging as proxy
 from ..files.errors import SimulationError
 from ..files.inputs import check_unpacked
 from ..fmu.instance import Instance
-from .foreign import HAND_ON, ForeignSlave, Log
+from .foreign import HAND_ON, START, ForeignSlave, Log
 from .layout import Role
 
 # Of flexfmu's bodies: what tells masters that overlook a discarded step; how many internal steps a step took; and the
@@ -131,7 +131,7 @@ class Participant:
         """
         if isinstance(self._slave, ForeignSlave):
             with self._loading():
-                self._slave.ready()
+                self._slave.answered(START)
         calls: list[tuple[Any, ...]] = []
         for name, value in self.role.start.items():
             variable = self.role.description.variables[name]

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any
 
 import fmpy
 from pythonfmu.builder import FmuBuilder
@@ -23,7 +23,6 @@ from ..program.variable_table import ACCELERATION, METHOD, STEP_LIMIT, STEP_TOLE
 from .fmu_worker import answering, load, timed
 from .scene.scene import AXES, Scene, load_names
 
-T = TypeVar("T")
 _EMPTY = '''"""An FMU that has the variables and does nothing."""
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
@@ -114,7 +113,7 @@ class FmuTimer:
             inputs = [v.name for v in variables if v.causality == "input"]
             outputs = [v.name for v in variables if v.causality == "output" and v.type == "Real"]
             against = self._empty_fmu(inputs, outputs)
-            self._load(name, path, empty=False)
+            self._ask(load, name, str(path), False)
             path.unlink()
             self._loaded = body, name, against
         return self._loaded[1:]
@@ -128,14 +127,11 @@ class FmuTimer:
             script = folder / "emptyslave.py"
             text = _EMPTY.format(inputs=len(inputs), outputs=len(outputs), input_names=inputs, output_names=outputs)
             script.write_text(text, encoding="utf-8")
-            self._load(name, Path(FmuBuilder.build_FMU(script, dest=folder)), empty=True)
+            self._ask(load, name, str(FmuBuilder.build_FMU(script, dest=folder)), True)
             self._empty[names] = name
         return self._empty[names]
 
-    def _load(self, name: str, path: Path, empty: bool) -> None:
-        self._ask(load, name, str(path), str(self._folder / f"{name}_unpacked"), empty)
-
-    def _ask(self, work: Callable[..., T], *arguments: object) -> T:
+    def _ask(self, work: Callable[..., Any], *arguments: object) -> Any:
         """Have the process do something."""
         self._process = self._process or Worker(f"{answering.__module__}:{answering.__name__}")
         try:
@@ -146,7 +142,7 @@ class FmuTimer:
             raise SimulationError(f"the process that times the FMU ended ({error})") from error
         if not done:
             raise SimulationError(f"the FMU does not run: {found}")
-        return cast(T, found)
+        return found
 
     def close(self) -> None:
         """End the process, and forget what was loaded in it."""

@@ -73,17 +73,16 @@ def answering(*_: int) -> Callable[..., tuple[bool, Any]]:
     return answer
 
 
-def load(name: str, path: str, folder: str, empty: bool) -> None:
+def load(name: str, path: str, empty: bool) -> None:
     """Load an FMU under a name; an empty one is set up at once.
 
     Parameters
     ----------
     name, path : str
-    folder : str
-        Where it is unpacked; not there yet.
+        It is unpacked beside its file.
     empty : bool
     """
-    _KNOWN[name] = Driven(path, folder)
+    _KNOWN[name] = Driven(path, f"{path}_unpacked")
     if empty:
         _KNOWN[name].begin({})
 

@@ -201,8 +201,9 @@ def members(rows: Sequence[Record]) -> set[tuple[str, ...]]:
 
 
 Look = Callable[[str], None]
-# A sweep that takes long is drawn as often as this, s.
-_PAUSE = 30.0
+# A sweep that takes long is drawn once it has begun, when it is done, and as often as this, s; or more seldom, where
+# drawing takes long: once in so many times that.
+_PAUSE, _RATIO = 30.0, 20.0
 
 
 def sweep(
@@ -274,7 +275,7 @@ class _Trial:
 
     def __init__(self, workshop: Workshop, grid: Grid, kept: RecordFile[Record], timer: FmuTimer | None, look: Look):
         self._workshop, self._grid, self._kept, self._timer, self._look = workshop, grid, kept, timer, look
-        self._extent, self._last = "", time.monotonic()
+        self._extent, self._last, self._pause = "", time.monotonic(), _PAUSE
 
     @property
     def _drawable(self) -> bool:
@@ -283,10 +284,11 @@ class _Trial:
 
     def draw(self) -> None:
         """Draw, and say how much of the sweep it is."""
+        self._last = time.monotonic()
         if self._drawable:
             models = self._grid.models
             self._look(f"{self._extent}{sum(one.key in self._kept for one in models)} of {len(models)} models")
-        self._last = time.monotonic()
+        self._pause = max(_PAUSE, _RATIO * (time.monotonic() - self._last))
 
     def refine(self) -> None:
         """Try few models, and then the neighbours of those on the front until all of them are known."""
@@ -297,7 +299,8 @@ class _Trial:
             if len(self._kept.rows) == before:
                 # What cannot be reduced leaves no record.
                 break
-            self.draw()
+            if self._extent:
+                self.draw()
             self._extent, title = "", "Finer near the front"
             wanted = self._grid.around(members(self._kept.rows)) if self._drawable else list(self._grid.models)
         self._extent = ""
@@ -345,7 +348,7 @@ class _Trial:
                             self._kept.append(record(workshop, member, built, errors, self._timer))
                             done += 1
                             tell(done)
-                if time.monotonic() - self._last > _PAUSE:
+                if time.monotonic() - self._last > self._pause:
                     self.draw()
 
 
