@@ -64,9 +64,8 @@ def answering(*_: int) -> Callable[..., tuple[bool, Any]]:
     """What answers in a `files.workers.Worker`: whether work was done, and what it gave, or why not; by no pipes."""
 
     def answer(request: tuple[Callable[..., Any], tuple[Any, ...]]) -> tuple[bool, Any]:
-        work, arguments = request
         try:
-            return True, work(*arguments)
+            return True, request[0](*request[1])
         except Exception as error:  # whatever a library raises
             return False, f"{type(error).__name__}: {error}"
 
