@@ -11,7 +11,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
-from flexfmu.reduction.cut.loops import inner_sections
+from flexfmu.reduction.cut.loops import element_contacts, inner_sections
 from flexfmu.reduction.interfaces import fit_interface
 from meshes import bars, body_file, box, with_sets
 
@@ -57,6 +57,15 @@ def test_plates_with_holes_and_cantilevers_have_none():
 def test_many_cells_are_no_frame_of_slender_members():
     """A rectangle with many posts has more loops than are opened: none is."""
     assert found(frame(*(((x, 0, 4), (x, 0, 13)) for x in range(1, 15, 2))), "TIP") == []
+
+
+@pytest.mark.parametrize("kind", [ElementType.C3D4, ElementType.C3D10, ElementType.C3D6, ElementType.C3D20R])
+def test_faces_inside_a_bar_add_up_to_its_section(kind):
+    mesh = box(kind, (4, 2, 2), (1.0, 0.2, 0.3))
+    contacts = element_contacts(mesh)
+    x = np.concatenate([mesh.points[block.connectivity].mean(axis=1)[:, 0] for block in mesh.blocks])
+    across = (x[contacts.elements] < 0.5).sum(axis=1) == 1
+    np.testing.assert_allclose(np.abs(contacts.area[across]).sum(axis=0), [0.2 * 0.3, 0.0, 0.0], atol=1e-12)
 
 
 @pytest.mark.slow
