@@ -169,3 +169,27 @@ def costs_of_steps() -> str:
         work = _two_digits(1e-3 * float(row["operations"])) if float(row["operations"]) else ""
         rows.append([words, _two_digits(1e6 * float(row["fastest"])), work])
     return markdown(["FMU", "µs a step", "kflop"], rows)
+
+
+def costs_of_watches() -> str:
+    """What watching adds to a step."""
+    rows = []
+    for row in read_records(ROOT / "benchmarks" / "watch_share.csv"):
+        shares = (_two_digits(float(row[name])) for name in ("mean_with", "worst_without", "worst_with"))
+        rows.append([_body_of(row), _two_digits(1e6 * float(row["mean_without"])), *shares])
+    return markdown(["body", "µs a step without watches", "over it: mean with", "worst without", "worst with"], rows)
+
+
+def costs_of_many() -> str:
+    """A step of one instance and of each of many, and the time to make one."""
+    rows = []
+    for row in read_records(ROOT / "benchmarks" / "many_instances.csv"):
+        one, many = float(row["one"]), float(row["many"])
+        numbers = (1e6 * one, many / one, 1e3 * float(row["made"]))
+        rows.append([_body_of(row), *map(_two_digits, numbers)])
+    return markdown(["body", "µs a step, one instance", "each of 1000, over it", "ms to make one more"], rows)
+
+
+def _body_of(row: dict[str, str]) -> str:
+    """The body of a record of `benchmarks.watch_share` or `many_instances`."""
+    return f"`{row['method']}`, {row['modes']} modes, {row['load']}"

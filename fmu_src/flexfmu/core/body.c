@@ -18,19 +18,20 @@ static void (*const demands[])(const Body *body, Arena *arena) = {
     stability_demand, judgement_demand, inertia_demand, compliance_demand, certificate_demand, surface_demand,
 };
 
-/* Numbers of a body, then its workspace; the sum of all where `arena` counts only. */
+/* Numbers of a body, those that any step needs first: of many bodies in turn few pages are touched. Then its workspace; the sum
+ * of all where `arena` counts only. */
 static void lay_out(Body *body, Arena *arena) {
     const int64_t m = body->p->modes;
     body->zeta = take(arena, m);
     body->rate = take(arena, m);
+    body->end_q = take(arena, m);
+    body->end_v = take(arena, m);
+    take_deformed(body, arena, &body->deformed);
+    take_configuration(body, arena, &body->memo);
+    take_rules(body, arena);
     body->coupled = take(arena, crossed(body->p) * m * m);
     body->square = take(arena, crossed(body->p) * m * m);
     body->four = take(arena, LANES * m);
-    take_configuration(body, arena, &body->memo);
-    take_rules(body, arena);
-    take_deformed(body, arena, &body->deformed);
-    body->end_q = take(arena, m);
-    body->end_v = take(arena, m);
     body->work_size = 0;
     for (size_t i = 0; i < sizeof demands / sizeof *demands; i++) {
         Arena count = {0};

@@ -103,7 +103,6 @@ typedef struct Body {
     double *coupled;      /* (m, m): damping between modes of a body with ties, of dampers of any other */
     double *square;       /* (m, m) of both: in the making of the former, and of a rule */
     double *rate;         /* (m): damping of each mode, 1/s */
-    Rule rules[RULES];
     int rule_count, rule_next, rule_limit;
     Deformed deformed;
     double *end_q, *end_v; /* (m): where a step that is not accepted yet ends */
@@ -112,6 +111,7 @@ typedef struct Body {
     int64_t work_size, step_size; /* of any call, and of a step */
     double *arena;
     int64_t arena_size;   /* numbers */
+    Rule rules[RULES];
 } Body;
 
 /* Arrays of one call: all of the workspace. */

@@ -87,20 +87,20 @@ static void lay_out(Instance *x, Arena *arena) {
     x->q = take(arena, x->modes);
     x->v = take(arena, x->modes);
     x->seen = take(arena, x->loads);
-    x->memory.states = take(arena, STATES * (x->modes + x->loads));
+    x->states = take(arena, STATES * (x->modes + x->loads));
     x->number_count = arena->used - before;
     x->motion = take(arena, 6 * p->interfaces);
     x->rates = take(arena, 6 * p->interfaces);
-    x->stress = take(arena, p->stress_sets);
-    x->compliance = take(arena, 36 * p->compliances * p->compliances);
-    x->errors = take(arena, 2 * p->interfaces);
     x->start_inputs = take(arena, x->loads);
     x->end_inputs = take(arena, x->loads);
     x->q1 = take(arena, x->modes);
     x->v1 = take(arena, x->modes);
-    x->room = take(arena, x->loads + S_COUNT);
+    x->room = take(arena, x->loads);
     x->shape = take(arena, x->modes);
     x->kept = take(arena, x->number_count);
+    x->stress = take(arena, p->stress_sets);
+    x->compliance = take(arena, 36 * p->compliances * p->compliances);
+    x->errors = take(arena, 2 * p->interfaces);
 }
 
 void instance_forget_body(Instance *x) {
@@ -158,7 +158,6 @@ Instance *instance_open(const char *location, const char *guid, char *why) {
     }
     arena = (Arena){x->arena, 0, arena.used, 0};
     lay_out(x, &arena);
-    x->memory.inputs = x->seen;
     instance_reset(x);
     return x;
 }

@@ -64,8 +64,7 @@ typedef struct {
     /* All that the future depends on, one run of numbers from here on. */
     double *numbers;
     int64_t number_count;
-    double *parameter, *input, *input_rate, *previous, *single, *q, *v, *seen;
-    Memory memory;
+    double *parameter, *input, *input_rate, *previous, *single, *q, *v, *seen, *states;
     Pieces pieces; /* of the look under way */
     /* What is found when it is asked for. */
     int cached;

@@ -43,7 +43,7 @@ static int sensible(const Instance *x, const double *numbers) {
     const double kind = single[S_LOOKING + 1];
     if (!(kind >= 0.0 && kind < LOOKS) || kind != floor(kind)) return 0;
     for (int64_t i = 0; i < STATES * (x->modes + x->loads); i++)
-        if (!isfinite(numbers[x->memory.states - x->numbers + i])) return 0;
+        if (!isfinite(numbers[x->states - x->numbers + i])) return 0;
     for (int64_t i = 0; i < x->loads; i++)
         if (!isfinite(numbers[x->previous - x->numbers + i]) || !isfinite(numbers[x->seen - x->numbers + i])) return 0;
     return single[S_MODES] <= (double)x->modes && single[S_HINT] >= 1.0 && single[S_STATUS] <= STATE_PASSED &&
@@ -66,7 +66,7 @@ const char *instance_restore(Instance *x, const void *block, int64_t size) {
         same &= (running && parameter_is_tunable(i)) || x->kept[i] == x->parameter[i];
     /* What the slices of a look have found is of the state that it looks at. */
     const int64_t looked = (x->modes + x->loads) * (int64_t)sizeof(double);
-    if (memcmp(x->kept + (x->memory.states - x->numbers), x->memory.states, (size_t)looked) != 0 ||
+    if (memcmp(x->kept + (x->states - x->numbers), x->states, (size_t)looked) != 0 ||
         x->kept[x->single - x->numbers + S_LOOKING] != x->single[S_LOOKING] || x->kept[x->single - x->numbers + S_LOOKING + 1] != x->single[S_LOOKING + 1])
         x->pieces.begun = 0;
     memcpy(x->numbers, x->kept, (size_t)x->number_count * sizeof(double));

@@ -35,22 +35,22 @@ Answer step_refused(const Instance *x) {
 }
 
 /* What the monitor remembers lies among the numbers of the state. */
-static void recall_memory(Instance *x) {
-    x->memory.largest = x->single[S_LARGEST];
-    x->memory.beyond = x->single[S_BEYOND];
-    memcpy(x->memory.warned, x->single + S_WARNED, sizeof x->memory.warned);
-    memcpy(&x->memory.course, x->single + S_COURSE, sizeof x->memory.course);
-    memcpy(&x->memory.error, x->single + S_SEEN, sizeof x->memory.error);
-    memcpy(&x->memory.looking, x->single + S_LOOKING, sizeof x->memory.looking);
+static Memory recalled(const Instance *x) {
+    Memory memory = {.inputs = x->seen, .states = x->states, .largest = x->single[S_LARGEST], .beyond = x->single[S_BEYOND]};
+    memcpy(memory.warned, x->single + S_WARNED, sizeof memory.warned);
+    memcpy(&memory.course, x->single + S_COURSE, sizeof memory.course);
+    memcpy(&memory.error, x->single + S_SEEN, sizeof memory.error);
+    memcpy(&memory.looking, x->single + S_LOOKING, sizeof memory.looking);
+    return memory;
 }
 
-static void keep_memory(Instance *x) {
-    memcpy(x->single + S_SEEN, &x->memory.error, sizeof x->memory.error);
-    memcpy(x->single + S_LOOKING, &x->memory.looking, sizeof x->memory.looking);
-    x->single[S_LARGEST] = x->memory.largest;
-    x->single[S_BEYOND] = x->memory.beyond;
-    memcpy(x->single + S_COURSE, &x->memory.course, sizeof x->memory.course);
-    memcpy(x->single + S_WARNED, x->memory.warned, sizeof x->memory.warned);
+static void keep_memory(Instance *x, const Memory *memory) {
+    memcpy(x->single + S_SEEN, &memory->error, sizeof memory->error);
+    memcpy(x->single + S_LOOKING, &memory->looking, sizeof memory->looking);
+    x->single[S_LARGEST] = memory->largest;
+    x->single[S_BEYOND] = memory->beyond;
+    memcpy(x->single + S_COURSE, &memory->course, sizeof memory->course);
+    memcpy(x->single + S_WARNED, memory->warned, sizeof memory->warned);
 }
 
 static void tell_warnings(Instance *x, const Findings *found) {
@@ -62,10 +62,10 @@ static void tell_warnings(Instance *x, const Findings *found) {
 
 void inspect_rest(Instance *x) {
     const Monitor monitor = monitor_of(x);
+    Memory memory = recalled(x);
     Findings found;
-    recall_memory(x);
-    finish_looks(&monitor, &x->memory, &found);
-    keep_memory(x);
+    finish_looks(&monitor, &memory, &found);
+    keep_memory(x, &memory);
     tell_warnings(x, &found);
 }
 
@@ -82,12 +82,9 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
     x->cached = 0;
     if (!rests && !find_motion_at(x, q, v)) return instance_lacks_room(x, why);
     if (!within_bounds(x->body, &bounds, &end, why, TEXT_SIZE)) return step_refused(x);
-    double *kept = x->room + x->loads;
-    memcpy(kept, x->single, S_COUNT * sizeof(double));
     memcpy(x->kept, x->seen, (size_t)x->loads * sizeof(double));
-    recall_memory(x);
-    look(&monitor, &end, &x->memory, &found);
-    keep_memory(x);
+    Memory memory = recalled(x);
+    look(&monitor, &end, &memory, &found);
     for (int i = 0; i < found.count; i++) {
         if (found.action[i] == ON_WARN) continue;
         snprintf(why, TEXT_SIZE, "%s", found.text[i]);
@@ -95,10 +92,10 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
         if (answer == ANSWER_OK) answer = ANSWER_REFUSED;
     }
     if (answer != ANSWER_OK) {
-        memcpy(x->single, kept, S_COUNT * sizeof(double));
         memcpy(x->seen, x->kept, (size_t)x->loads * sizeof(double));
         return answer;
     }
+    keep_memory(x, &memory);
     tell_warnings(x, &found);
     return ANSWER_OK;
 }

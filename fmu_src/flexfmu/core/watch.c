@@ -252,9 +252,12 @@ void body_missed_inertia(Body *body, const double *q, const double *v, double st
     if (!p->mass_forms || p->inertial) return;
     take_missed(body, &arena, &room);
     if (arena.refused) return;
-    polynomial_momentum(body, q, v, &room.polynomial, room.momentum);
-    const double missed = dot(v, room.momentum, p->inertial_modes), moved = dot(v, v, p->modes);
-    double energy = moved;
+    const double moved = dot(v, v, p->modes);
+    double energy = moved, missed = 0.0;
+    if (!all_zero(v, p->inertial_modes)) {
+        polynomial_momentum(body, q, v, &room.polynomial, room.momentum);
+        missed = dot(v, room.momentum, p->inertial_modes);
+    }
     for (int64_t j = 0; j < p->modes; j++) {
         energy += body->opened->stiffness[j] * q[j] * q[j];
         /* Turned frames stretch the joints' linear springs without any cause. */
