@@ -30,7 +30,7 @@ void scale_inputs(const Scale *scale, const Program *p, const double *inputs, do
 }
 
 /* An input as the master has set it. */
-static double given(const Monitor *monitor, const double *inputs, int64_t input) {
+static double input_of(const Monitor *monitor, const double *inputs, int64_t input) {
     const int accelerates = input >= 6 * monitor->body->p->interfaces;
     return inputs[input] / (accelerates ? monitor->scale.acceleration : monitor->scale.force);
 }
@@ -130,7 +130,7 @@ static void tell_stability(const Monitor *monitor, const double *inputs, Memory 
     if (!text) return;
     const Cause cause = cause_found(monitor->body, inputs, monitor->pieces->arena);
     snprintf(text, FINDING_TEXT, SAY_STABILITY, cause.margin <= 0.0 ? "beyond the critical load" : "near the critical load",
-             cause.margin, watch->limit, input_name(p, cause.load), given(monitor, inputs, cause.load), cause.most,
+             cause.margin, watch->limit, input_name(p, cause.load), input_of(monitor, inputs, cause.load), cause.most,
              (long long)cause.mode + 1, monitor->scale.pace * p->omega[cause.mode] / 6.283185307179586);
 }
 
@@ -151,7 +151,7 @@ static void tell_missed(const Monitor *monitor, const double *inputs, Memory *me
              100.0 * error);
     snprintf(text, FINDING_TEXT, SAY_MISSED,
              text_at(p->advice, p->advice_bytes, SOURCE_MISSED), words, 100.0 * watch->limit, input_name(p, worst),
-             given(monitor, inputs, worst), text_at(p->advice, p->advice_bytes, ADVICE_MISSED));
+             input_of(monitor, inputs, worst), text_at(p->advice, p->advice_bytes, ADVICE_MISSED));
 }
 
 static void spinning(const Monitor *monitor, const double *q, const double *v, Memory *memory, Findings *found) {
