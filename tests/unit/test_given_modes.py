@@ -1,14 +1,17 @@
 """Bodies of modes that another program found."""
 
 import gzip
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.sparse.linalg import eigsh
 from typer.testing import CliRunner
 
 import flexfmu
 from flexfmu.commands.cli import app
+from flexfmu.fe.assembly import mass, stiffness
 from flexfmu.files.errors import BodyFileError, FlexfmuError
 from flexfmu.given.modes import GivenModesError
 from flexfmu.model.errors import OptionError
@@ -257,6 +260,50 @@ def test_the_recipe_for_ansys_reads_its_modes(tmp_path, monkeypatch):
     found = own.model.angular_frequency[own.model.angular_frequency > 1.0][:6] / (2.0 * np.pi)
     np.testing.assert_allclose(given.frequency, found, rtol=2e-3)
     assert flexfmu.pack("arm.npz", {"tip": "NODE_SELECTION"}, frames=1).reduced.rigid_count == 6
+
+
+def coordinates(matrix, name, held=()):
+    """A matrix as Abaqus writes it: all entries by row and column from 1, blank lines, 1e36 where a support holds."""
+    matrix = matrix.tocoo()
+    free = ~(np.isin(matrix.row, held) | np.isin(matrix.col, held))
+    row, column, value = (part[free] for part in (matrix.row, matrix.col, matrix.data))
+    lines = [f"{r + 1} {c + 1}  {v:.15e}\n" for r, c, v in zip(row, column, value, strict=True)]
+    name.write_text("".join([*lines, *(f"{one + 1} {one + 1}  1.000000000000000e+36\n" for one in held), "\n"]))
+
+
+def test_the_recipe_for_abaqus_reads_its_matrices(tmp_path, monkeypatch):
+    """Of CalculiX's bar, written here in Abaqus' format: the modes of flexfmu's own build."""
+    (tmp_path / "arm.inp").write_bytes((FOREIGN / "modes_bar.inp").read_bytes())
+    mesh = flexfmu.read_mesh(tmp_path / "arm.inp")
+    order = (3 * np.argsort(mesh.labels)[:, None] + np.arange(3)).ravel()
+    held = np.flatnonzero(mesh.fixed.ravel()[order])
+    coordinates(stiffness(mesh)[order][:, order], tmp_path / "arm_STIF1.mtx", held)
+    coordinates(mass(mesh)[order][:, order], tmp_path / "arm_MASS1.mtx")
+    monkeypatch.chdir(tmp_path)
+    exec(recipe("Abaqus", "m-kg-s"), {})
+    given = flexfmu.pack("arm.npz", {"tip": "TIP"}, frames=4)
+    own = flexfmu.Body(mesh, None, [], {"tip": "TIP"}, name="arm")
+    own = own.build("frames", modes=20, residual_flexibility=False, frames=4)
+    np.testing.assert_allclose(given.model.angular_frequency, own.model.angular_frequency, rtol=1e-8)
+    np.testing.assert_allclose(motion(given), motion(own), rtol=1e-4)
+
+
+@pytest.mark.skipif("FLEXFMU_ABAQUS" not in os.environ, reason="needs matrices by Abaqus (CONTRIBUTING.md)")
+@pytest.mark.parametrize("kind", ["C3D4", "C3D10", "C3D20", "C3D20R"])
+def test_stiffness_is_that_of_abaqus_and_so_are_the_modes_of_its_matrices(kind, tmp_path, monkeypatch):
+    """Of a free block by Abaqus 2021. Its C3D4 have lumped masses, and its C3D20R those of C3D20."""
+    folder = Path(os.environ["FLEXFMU_ABAQUS"])
+    for name in ("{}.inp", "{}_STIF1.mtx", "{}_MASS1.mtx"):
+        (tmp_path / name.format("arm")).write_bytes((folder / name.format(f"block{kind}")).read_bytes())
+    monkeypatch.chdir(tmp_path)
+    script, mesh = {}, flexfmu.read_mesh("arm.inp")
+    exec(recipe("Abaqus", "m-kg-s"), script)
+    theirs = script["matrix"]("arm_STIF1.mtx")
+    assert abs(stiffness(mesh) - theirs).max() < 1e-12 * abs(theirs).max()
+    if kind in ("C3D10", "C3D20"):
+        squares = eigsh(stiffness(mesh), 20, mass(mesh), sigma=-1e5)[0]
+        own = np.sqrt(np.maximum(squares[6:], 0.0)) / (2.0 * np.pi)
+        np.testing.assert_allclose(flexfmu.read_given("arm.npz").frequency[6:], own, rtol=1e-6)
 
 
 def test_modes_of_shells_are_refused_since_their_nodes_turn(tmp_path):
