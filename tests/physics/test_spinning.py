@@ -120,6 +120,12 @@ def test_a_method_that_loses_angular_momentum_tells_by_how_much(tmp_path, block)
     assert np.degrees(np.arccos(direction @ impulse / np.linalg.norm(impulse))) < 10.0
 
 
+def test_a_free_body_at_rest_has_lost_no_angular_momentum(tmp_path, block):
+    driven, told, _ = turned(tmp_path, replace(block, method=Method.HALF_ROTATION), np.zeros(3), end=0.05)
+    np.testing.assert_array_equal(told, np.zeros(5))
+    assert driven.log == []
+
+
 def test_spin_about_changing_axes_is_the_rate_of_the_turn_not_of_its_vector(tmp_path, block):
     """Set going about y when it has half turned about z: there 2/π of the rotation vector's rate across it is turn."""
     driven, step, first = Driven(block, tmp_path), 0.01, block.angular_frequency[block.rigid_count]
