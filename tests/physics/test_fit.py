@@ -206,6 +206,21 @@ def test_a_tolerance_alone_is_met_by_the_fewest_frames_at_a_large_deflection(tmp
         assert warned(body, tmp_path, load.loads, 3.0)
 
 
+def test_the_bound_in_a_scene_is_that_under_its_loads_whatever_other_interfaces_there_are(tmp_path, store):
+    other = '[[interface]]\nname = "middle"\nnodes = { box = [[0.4, -1.0, -1.0], [0.6, 1.0, 1.0]] }\n\n'
+    changes = [("[[interface]]\n", f"{other}[[interface]]\n"), ("frames = 8\n", "frames = 1\n")]
+    scene_of(tmp_path, BEND, changes=changes)
+    model = FlexibleBody(reduce_body(read_body_file(tmp_path / "body.toml").certified, Reporter(), store))
+    assert model.model.interface_names == ("middle", "tip")
+    loads = {"tip": [0.0, 10e3, 0.0]}
+    bound = model.error(model.static(loads), loads).bound
+    scene = scene_of(
+        tmp_path, f'read = ["tip"]\n{BEND}[tolerance.static]\ndisplacement = {bound / 1.5}\n', changes=changes
+    )
+    assert scene.names == ("tip",)
+    assert Workshop(scene, Reporter(), store).accepted(model.model, True) == pytest.approx(1.05 * bound, rel=1e-2)
+
+
 def test_a_small_load_is_left_linear(tmp_path, store):
     scene = scene_of(tmp_path, BEND.replace("10e3", "200.0") + FIT)
     target = tmp_path / "fitted.toml"

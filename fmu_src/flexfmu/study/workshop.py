@@ -361,8 +361,8 @@ class Workshop:
 
     def _own(self, model: FlexibleBody) -> list[Errors]:
         """Errors of static cases that a model tells of itself."""
-        loads = [case.peak.scaled(factor) for case in self.scene.static for factor in case.factors]
-        return [model.error(model.static(one), one) for one in loads]
+        peaks = [case.peak.scaled(factor) for case in self.scene.static for factor in case.factors]
+        return [model.error(model.static(one), one) for one in (on_interfaces(self.scene, model, p) for p in peaks)]
 
     def accepted(self, body: ReducedBody, met: bool) -> float:
         """Relative error above which an FMU warns: what the scene accepts.
