@@ -5,8 +5,9 @@ import pytest
 from scipy.integrate import simpson, solve_bvp
 
 from bodies import COROTATED, LINEAR, Beam, beam_body, random_body
-from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.model.errors import EquilibriumError, LoadError
+from flexfmu.body.flexible_body import FlexibleBody, State
+from flexfmu.body.loads import Loads
+from flexfmu.model.errors import EquilibriumError, LoadError, OptionError
 
 BEAM = Beam()
 
@@ -198,3 +199,44 @@ def test_no_load_leaves_the_body_undeformed():
 def test_a_wrong_load_is_refused_by_name(loads, words):
     with pytest.raises(LoadError, match=words):
         FlexibleBody(beam_body(2), COROTATED).static(loads)
+
+
+OTHERS = Loads(np.ones((1, 3)), np.zeros((1, 3)))
+CALLS = {
+    "static": lambda body, _: body.static(OTHERS),
+    "step": lambda body, rest: body.step(rest, OTHERS, 1e-3),
+    "step to loads at its end": lambda body, rest: body.step_with_work(rest, {}, 1e-3, OTHERS),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_loads_of_a_body_with_fewer_interfaces_are_refused(call):
+    """The core would read what lies behind them."""
+    body = random_body()
+    assert len(body.interface_names) > 1
+    flexible = FlexibleBody(body, COROTATED)
+    with pytest.raises(LoadError, match=r"shapes \(1, 3\) and \(1, 3\), expected \(3, 3\).*port_0.*`loads`"):
+        CALLS[call](flexible, flexible.rest())
+
+
+def test_arrays_of_another_body_are_refused():
+    """As packed loads and as states, which the core reads, too."""
+    flexible = FlexibleBody(random_body(), COROTATED)
+    rest, inputs, few = flexible.rest(), np.zeros(18), np.zeros(3)
+    for ask in (flexible.forces, flexible.tangent, flexible.stability, lambda *a: flexible.is_stable(*a, 0.1)):
+        with pytest.raises(OptionError, match="3 inputs were given, expected 18"):
+            ask(rest, few)
+    with pytest.raises(OptionError, match="3 inputs"):
+        flexible.step_packed(rest, inputs, 1e-3, few)
+    with pytest.raises(OptionError, match="3 inputs"):
+        flexible.stiffness_missed(few)
+    other = State(few, few)
+    for ask in (
+        flexible.motion,
+        flexible.motion_and_rates,
+        flexible.energies,
+        flexible.mass,
+        flexible.largest_rotation,
+    ):
+        with pytest.raises(OptionError, match=f"3 coordinates were given, expected {rest.q.size}"):
+            ask(other)

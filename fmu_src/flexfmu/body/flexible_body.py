@@ -18,6 +18,8 @@ from ..program.compile import compile_program, shadow_draft
 from .loads import Loads, loads_from_mapping
 from .recovery import surface_data
 
+_Given = Loads | Mapping[str, Sequence[float]]
+
 __all__ = ["Errors", "FlexibleBody", "Response", "State", "StepLimits", "Work"]
 
 
@@ -186,10 +188,9 @@ class FlexibleBody:
 
     def rest(self) -> State:
         """Return the undeformed body at rest."""
-        zero = np.zeros(self.core.modes)
-        return State(zero, zero.copy())
+        return State(*np.zeros((2, self.core.modes)))
 
-    def static(self, loads: Loads | Mapping[str, Sequence[float]]) -> State:
+    def static(self, loads: _Given) -> State:
         """Stable equilibrium under constant loads, at rest.
 
         Parameters
@@ -204,6 +205,8 @@ class FlexibleBody:
         ------
         EquilibriumError
             There is none that the unloaded body could reach.
+        LoadError
+            As for `loads`, or `Loads` on another number of interfaces.
 
         Examples
         --------
@@ -216,16 +219,12 @@ class FlexibleBody:
             raise EquilibriumError(self.core.static_refusal(answer, share), share)
         return State(q, np.zeros_like(q))
 
-    def step(self, state: State, loads: Loads | Mapping[str, Sequence[float]], step: float) -> State:
+    def step(self, state: State, loads: _Given, step: float) -> State:
         """State after a step (s) under loads that are constant over it; see `step_with_work`."""
         return self.step_with_work(state, loads, step)[0]
 
     def step_with_work(
-        self,
-        state: State,
-        loads: Loads | Mapping[str, Sequence[float]],
-        step: float,
-        end_loads: Loads | Mapping[str, Sequence[float]] | None = None,
+        self, state: State, loads: _Given, step: float, end_loads: _Given | None = None
     ) -> tuple[State, Work]:
         """State after a step under loads that are constant over it, or grow linearly, and what it cost.
 
@@ -249,6 +248,8 @@ class FlexibleBody:
         ------
         StepError
             A step that is not positive and finite, or a load that the body cannot bear.
+        LoadError
+            As for `loads`, or `Loads` on another number of interfaces.
 
         Examples
         --------
@@ -256,9 +257,8 @@ class FlexibleBody:
         >>> work.error < arm.limits.tolerance
         True
         """
-        return self.step_packed(
-            state, self._packed(loads), step, None if end_loads is None else self._packed(end_loads)
-        )
+        end = None if end_loads is None else self._packed(end_loads)
+        return self.step_packed(state, self._packed(loads), step, end)
 
     def step_packed(
         self, state: State, inputs: FloatArray, step: float, end_inputs: FloatArray | None = None
@@ -284,8 +284,7 @@ class FlexibleBody:
         -------
         Response
         """
-        motion = self.core.motion(state.q).reshape(-1, 2, 3)
-        return Response(motion[:, 0], motion[:, 1])
+        return Response(*self.core.motion(state.q).reshape(-1, 2, 3).swapaxes(0, 1))
 
     def motion_and_rates(self, state: State) -> tuple[FloatArray, FloatArray]:
         """As `motion`, and velocity and angular velocity of each interface in turn, (6I,); as `rates`."""
@@ -396,7 +395,7 @@ class FlexibleBody:
     def _shadow(self) -> Core:
         return Core(shadow_draft(self.model).image())
 
-    def error(self, state: State, loads: Loads | Mapping[str, Sequence[float]]) -> Errors:
+    def error(self, state: State, loads: _Given) -> Errors:
         """Error of the interfaces' motion, estimated by a finer reduction of the same body.
 
         Parameters
@@ -413,6 +412,8 @@ class FlexibleBody:
         ------
         OptionError
             The body was built without what tells its error.
+        LoadError
+            As for `loads`, or `Loads` on another number of interfaces.
 
         Examples
         --------
@@ -450,6 +451,12 @@ class FlexibleBody:
             raise OptionError(f"interfaces are {list(interfaces)}, expected different numbers from 0 to {count - 1}")
         return self.core.compliance(inputs, step, state.q, interfaces)
 
-    def _packed(self, loads: Loads | Mapping[str, Sequence[float]]) -> FloatArray:
+    def _packed(self, loads: _Given) -> FloatArray:
         given = loads if isinstance(loads, Loads) else self.loads(loads)
+        names, found = self.model.interface_names, [np.shape(given.force), np.shape(given.moment)]
+        if found != [(len(names), 3)] * 2:
+            what = (
+                f"expected ({len(names)}, 3), one row for each of {', '.join(names)}: make them by this body's `loads`"
+            )
+            raise LoadError(f"forces and moments have shapes {found[0]} and {found[1]}, {what}")
         return given.packed(self.model.masses is not None)

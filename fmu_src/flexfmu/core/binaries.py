@@ -65,7 +65,7 @@ def _core_for(name: str, report: Reporter) -> Path:
     if _shipped(name).is_file():
         return _shipped(name)
     platform = PLATFORMS[name]
-    made = _cache() / source_hash()[:16] / f"{name}{platform.ending}"
+    made = (default_folder() or _until_exit()) / "cores" / source_hash()[:16] / f"{name}{platform.ending}"
     if made.is_file():
         return made
     zig = zig_compiler()
@@ -87,11 +87,6 @@ def _core_for(name: str, report: Reporter) -> Path:
         except RuntimeError as error:
             raise PackagingError(f"the core for {name} does not compile: {error}") from error
     return made
-
-
-def _cache() -> Path:
-    """Where compiled cores are kept."""
-    return (default_folder() or _until_exit()) / "cores"
 
 
 @cache

@@ -91,6 +91,14 @@ class _Numbers:
         return None if values is None else np.ascontiguousarray(values, dtype=cls.kind).ctypes
 
 
+class _Coordinates(_Numbers):
+    """The same, of one body's modes."""
+
+
+class _Inputs(_Numbers):
+    """The same, of one body's loads."""
+
+
 class _Wholes(_Numbers):
     """The same of 64-bit integers."""
 
@@ -98,30 +106,31 @@ class _Wholes(_Numbers):
 
 
 _ANSWER, _WORK, _TEXT = ctypes.c_int, ctypes.POINTER(_Work), (ctypes.c_char_p, _WHOLE)
+_STATE = (_Coordinates,) * 2
 # Of each function: what it returns, and its arguments after the body.
 _OF_BODIES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_close": (None, ()),
     "body_options": (_ANSWER, (_NUMBER, ctypes.POINTER(_Limits))),
-    "body_static": (_ANSWER, (_Numbers, _Numbers, _Numbers, _Wholes)),
-    "body_step": (_ANSWER, (_Numbers, _Numbers, _NUMBER, _Numbers, _Numbers, _Wholes, _WORK)),
+    "body_static": (_ANSWER, (_Inputs, _Coordinates, _Numbers, _Wholes)),
+    "body_step": (_ANSWER, (_Inputs, _Inputs, _NUMBER, *_STATE, _Wholes, _WORK)),
     "body_refusal": (None, (_ANSWER, _NUMBER, _WORK, *_TEXT)),
     "body_static_refusal": (None, (_ANSWER, _NUMBER, *_TEXT)),
-    "body_motion": (_done, (_Numbers,) * 4),
-    "body_nodes": (None, (_Numbers,) * 3),
-    "body_stress": (None, (_Numbers,) * 2),
-    "body_surface": (_done, (_Wholes, _Wholes, *(_Numbers,) * 4)),
-    "body_energies": (_done, (_Numbers,) * 4),
-    "body_forces": (_done, (_Numbers,) * 4),
-    "body_mass": (_done, (_Numbers,) * 2),
-    "body_rotations": (_NUMBER, (_Numbers,) * 2),
-    "body_strain": (_NUMBER, (_Numbers,)),
-    "body_stability": (_NUMBER, (_Numbers,) * 3),
-    "body_is_stable": (_ANSWER, (_Numbers, _Numbers, _NUMBER)),
-    "body_may_miss": (_ANSWER, (_Numbers, _NUMBER)),
-    "body_missed": (_NUMBER, (_Numbers,) * 2),
+    "body_motion": (_done, (*_STATE, _Numbers, _Numbers)),
+    "body_nodes": (None, (_Coordinates, _Numbers, _Numbers)),
+    "body_stress": (None, (_Coordinates, _Numbers)),
+    "body_surface": (_done, (_Wholes, _Wholes, _Numbers, _Coordinates, _Numbers, _Numbers)),
+    "body_energies": (_done, (*_STATE, _Numbers, _Numbers)),
+    "body_forces": (_done, (_Inputs, _Coordinates, _Numbers, _Numbers)),
+    "body_mass": (_done, (_Coordinates, _Numbers)),
+    "body_rotations": (_NUMBER, (_Coordinates, _Numbers)),
+    "body_strain": (_NUMBER, (_Coordinates,)),
+    "body_stability": (_NUMBER, (_Inputs, _Coordinates, _Numbers)),
+    "body_is_stable": (_ANSWER, (_Inputs, _Coordinates, _NUMBER)),
+    "body_may_miss": (_ANSWER, (_Inputs, _NUMBER)),
+    "body_missed": (_NUMBER, (_Inputs, _Numbers)),
     "body_bytes": (_WHOLE, ()),
-    "body_error": (_done, (_PLACE, *(_Numbers,) * 6)),
-    "body_compliance": (_done, (_Numbers, _NUMBER, _Numbers, _Wholes, _WHOLE, _Numbers)),
+    "body_error": (_done, (_PLACE, _Inputs, _Coordinates, *(_Numbers,) * 4)),
+    "body_compliance": (_done, (_Inputs, _NUMBER, _Coordinates, _Wholes, _WHOLE, _Numbers)),
 }
 _SIGNATURES = {name: (result, (_PLACE, *arguments)) for name, (result, arguments) in _OF_BODIES.items()}
 # The master's loop: structures of master/loop.py.
@@ -211,7 +220,7 @@ class Core:
 
     def __init__(self, image: bytes, damping_scale: float = 1.0, limits: StepLimits | None = None):
         limits = limits or StepLimits()
-        self._body = None
+        self._body, self._sizes = None, dict[Any, int]()
         self._library = library()
         why = ctypes.c_char_p()
         self._body = self._library.body_open(image, len(image), ctypes.byref(why))
@@ -223,6 +232,7 @@ class Core:
         self.modes, self.nodes, self.frames, self.interfaces, self.loads = (
             program.sizes[name] for name in ("modes", "nodes", "frames", "interfaces", "loads")
         )
+        self._sizes = {_Coordinates: self.modes, _Inputs: self.loads}
         self.turning_frame = program.arrays["turning_frame"].astype(np.int64)
 
     def __del__(self) -> None:
@@ -250,13 +260,7 @@ class Core:
         return StepAnswer(answer), q, float(share[0]), int(rounds[0])
 
     def step(
-        self,
-        q: FloatArray,
-        v: FloatArray,
-        inputs: FloatArray,
-        step: float,
-        end_inputs: FloatArray | None = None,
-        hint: int = 1,
+        self, q: FloatArray, v: FloatArray, loads: FloatArray, step: float, end: FloatArray | None = None, hint: int = 1
     ) -> tuple[StepAnswer, FloatArray, FloatArray, int, tuple[int, int, float]]:
         """State after a step.
 
@@ -264,7 +268,7 @@ class Core:
         ----------
         q, v : (m,) float
             Left untouched.
-        inputs, end_inputs : (L,) float
+        loads, end : (L,) float
             Loads over the step, or at its start and end.
         step : float
             s.
@@ -281,7 +285,7 @@ class Core:
             Internal steps, rounds, and the estimated error.
         """
         (q1, v1), tries, work = np.array([q, v], float).reshape(2, self.modes), np.array([hint], np.int64), _Work()
-        answer = self._ask("step", np.reshape(inputs, self.loads), end_inputs, step, q1, v1, tries, ctypes.byref(work))
+        answer = self._ask("step", loads, end, step, q1, v1, tries, ctypes.byref(work))
         return StepAnswer(answer), q1, v1, int(tries[0]), (work.substeps, work.iterations, work.error)
 
     def step_refusal(self, answer: StepAnswer, step: float, work: tuple[int, int, float]) -> str:
@@ -392,8 +396,13 @@ class Core:
         self._ask(name, *arguments, result)
         return result
 
-    def _ask(self, name: str, *arguments: object) -> Any:
+    def _ask(self, name: str, *arguments: Any) -> Any:
         """What a function of the core answers; Ctrl-C while an argument is made stays one."""
+        for kind, given in zip(_OF_BODIES[f"body_{name}"][1], arguments, strict=False):
+            # The core would read what lies behind fewer.
+            if given is not None and np.size(given) != (size := self._sizes.get(kind, np.size(given))):
+                what = kind.__name__.strip("_").lower()
+                raise OptionError(f"{np.size(given)} {what} were given, expected {size}, as this body has them")
         try:
             return getattr(self._library, f"body_{name}")(self._body, *arguments)
         except ctypes.ArgumentError as error:
