@@ -7,8 +7,10 @@ import os
 import shutil
 
 from setuptools.build_meta import *  # noqa: F403 - the hooks of PEP 517
-from setuptools.build_meta import get_requires_for_build_editable as _for_editable
-from setuptools.build_meta import get_requires_for_build_wheel as _for_wheel
+from setuptools.build_meta import (
+    get_requires_for_build_editable as _for_editable,
+    get_requires_for_build_wheel as _for_wheel,
+)
 
 _ZIG = "ziglang>=0.13"
 

@@ -20,7 +20,7 @@ import numpy as np
 from flexfmu.fe.cells import elasticity
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.progress import Reporter
-from flexfmu.mesh.blocks import ElementBlock
+from flexfmu.mesh.elements import ElementBlock
 from flexfmu.mesh.model import Mesh
 from flexfmu.reduction.model import Model
 from flexfmu.study.scene.config import SceneError

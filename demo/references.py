@@ -19,8 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from demo import calculix_results as results
-from demo import calculix_tools as ccx
+from demo import calculix_results as results, calculix_tools as ccx
 from demo.tip_face import MOTION_COLUMNS
 
 # Force of each loaded interface, N.

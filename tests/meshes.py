@@ -6,8 +6,7 @@ from itertools import permutations
 import numpy as np
 
 from flexfmu.build.config import BodyFile
-from flexfmu.mesh.blocks import ElementBlock
-from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.model import Material, Mesh
 
 STEEL = Material("STEEL", 2.0e11, 0.3, 7850.0)

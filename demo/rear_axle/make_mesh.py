@@ -21,9 +21,8 @@ from pathlib import Path
 import numpy as np
 from demo.mesh_tools import BRICK_STEPS, NUMBERS_PER_LINE, BrickMesh, Material, write_model
 
-from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.checks import jacobian_determinants
-from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.elements import ElementBlock, ElementType
 
 STEEL = Material(name="STEEL", youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 

@@ -4,10 +4,8 @@ import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from benchmarks.coverage import RECORD
-from benchmarks.coverage import table as covered
-from benchmarks.defaults.frames import FRAMES
-from benchmarks.defaults.frames import RECORDS as FRAME_RECORDS
+from benchmarks.coverage import RECORD, table as covered
+from benchmarks.defaults.frames import FRAMES, RECORDS as FRAME_RECORDS
 from benchmarks.defaults.published import ALL
 from benchmarks.defaults.table import RECORDS, certificate, summary
 from benchmarks.field.records import Record, read, tables

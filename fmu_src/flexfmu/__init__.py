@@ -7,47 +7,30 @@ if TYPE_CHECKING:
     from .api import Body as Body
     from .body.flexible_body import (
         FlexibleBody as FlexibleBody,
-    )
-    from .body.flexible_body import (
         Response as Response,
-    )
-    from .body.flexible_body import (
         State as State,
-    )
-    from .body.flexible_body import (
         StepLimits as StepLimits,
     )
-    from .build.choices import Interface as Interface
-    from .build.choices import Support as Support
+    from .build.choices import Interface as Interface, Support as Support
     from .calls.decay import decay as decay
     from .calls.functions import *  # noqa: F403
-    from .files.errors import FlexfmuError as FlexfmuError
-    from .files.errors import SimulationError as SimulationError
+    from .files.errors import FlexfmuError as FlexfmuError, SimulationError as SimulationError
     from .files.units import UnitSystem as UnitSystem
     from .files.version import __version__ as __version__
-    from .fmu.built_body import BuiltBody as BuiltBody
-    from .fmu.built_body import SimulationResult as SimulationResult
-    from .fmu.built_body import load as load
+    from .fmu.built_body import BuiltBody as BuiltBody, SimulationResult as SimulationResult, load as load
     from .given.matrices import linear_body as linear_body
-    from .given.modes import GivenModes as GivenModes
-    from .given.modes import read_given as read_given
+    from .given.modes import GivenModes as GivenModes, read_given as read_given
     from .given.packing import pack as pack
-    from .given.sid import read_sid as read_sid
-    from .given.sid import write_sid as write_sid
+    from .given.sid import read_sid as read_sid, write_sid as write_sid
     from .mesh.formats import read_mesh as read_mesh
     from .mesh.model import Mesh as Mesh
     from .mesh.shells import shell_mesh as shell_mesh
     from .model.errors import (
         EquilibriumError as EquilibriumError,
-    )
-    from .model.errors import (
         RuntimeBodyError as RuntimeBodyError,
-    )
-    from .model.errors import (
         StepError as StepError,
     )
-    from .model.methods import Mass as Mass
-    from .model.methods import Method as Method
+    from .model.methods import Mass as Mass, Method as Method
     from .reduction.options import Basis as Basis
     from .view.shown import Shown as Shown
 

@@ -19,8 +19,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.files.errors import OutputError, SimulationError
 from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Mass, Method, Variant, has_frames
-from flexfmu.study import fmu_cost
-from flexfmu.study import pictures as look
+from flexfmu.study import fmu_cost, pictures as look
 from flexfmu.study.candidates import EXACT, GIVEN, SINGLE, Candidate, Reduction, candidates, reduction_config
 from flexfmu.study.chart import sweep as sweeping
 from flexfmu.study.chart.draw import chart

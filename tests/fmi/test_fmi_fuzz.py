@@ -14,8 +14,7 @@ import pytest
 import fuzzed
 from bodies import random_body
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.core.building import command as compile_command
-from flexfmu.core.building import system_compiler
+from flexfmu.core.building import command as compile_command, system_compiler
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, StressSet

@@ -20,8 +20,7 @@ from lxml import etree
 
 from bodies import beam_body, random_body
 from flexfmu.build.tables import InputTable, OutputTable, StressTable
-from flexfmu.core.building import PLATFORMS as BINARIES
-from flexfmu.core.building import this_platform
+from flexfmu.core.building import PLATFORMS as BINARIES, this_platform
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.methods import Method

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from demo.rear_axle.alignment import LEFT, RIGHT, alignment, arm_angle
-from demo.rear_axle.run import CASES, HERE, WHEELS, read_reference
-from demo.rear_axle.run import solve as solve_axle
+from demo.rear_axle.run import CASES, HERE, WHEELS, read_reference, solve as solve_axle
 from demo.rear_axle.shells import make_mesh
 from scipy.spatial import cKDTree
 

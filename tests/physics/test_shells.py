@@ -8,8 +8,7 @@ import meshio
 import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
-from benchmarks.thin.bodies import BENT, Middle, bar
-from benchmarks.thin.bodies import RESULTS as FILE
+from benchmarks.thin.bodies import BENT, RESULTS as FILE, Middle, bar
 from scipy.interpolate import RegularGridInterpolator
 from scipy.linalg import eigh
 
@@ -22,8 +21,7 @@ from flexfmu.fe.stress import nodal_stress, point_stress, stress_jumps
 from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.errors import DeckError, FlexfmuError, MeshError
 from flexfmu.files.progress import Reporter, tell_nobody
-from flexfmu.mesh.blocks import ElementBlock
-from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.model import Material, Mesh
 from flexfmu.mesh.shells import expanded
 from flexfmu.model.rotations import exponential

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from bodies import body_of_everything, random_ties, turning_body
 from flexfmu.body.flexible_body import FlexibleBody, State

@@ -11,8 +11,7 @@ import scipy.sparse as sp
 from benchmarks import large
 from scipy.sparse.linalg import splu
 
-from flexfmu.fe import factorisation
-from flexfmu.fe import unknowns as fe_unknowns
+from flexfmu.fe import factorisation, unknowns as fe_unknowns
 from flexfmu.fe.assembly import mass, stiffness, summed
 from flexfmu.fe.factorisation import Factorisation, factor_entries
 from flexfmu.files.errors import ModelError

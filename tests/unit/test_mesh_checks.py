@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from flexfmu.files.errors import MeshError
-from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.checks import checked, connected_parts, jacobian_determinants
-from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.model import NO_MATERIAL, Mesh
 
 TETRA = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], float)

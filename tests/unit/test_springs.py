@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexfmu.mesh.springs import Along, SpringDamper
+from flexfmu.mesh.model import Along, SpringDamper
 from flexfmu.model.rotations import exponential
 from flexfmu.reduction.bushings import Bushings, SpringReading
 

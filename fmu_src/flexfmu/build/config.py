@@ -1,5 +1,7 @@
 """The body file (TOML): all its tables together, checked, with errors that name the key."""
 
+from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -12,8 +14,9 @@ from ..files.limits import MOST_FRAMES
 from ..files.toml_files import Name, Table, different, read_toml, validated
 from ..model.methods import ASKED_BY, Data, Mass, Method, Variant, conflict, has_frames, needs
 from ..reduction import options as plain
+from ..reduction.options import Place
 from . import tables
-from .plain import plain_tables
+from .tables import OF_MESH, PlaceTable
 
 C_KEYWORDS = """
     auto break case char const continue default do double else enum extern float for goto if inline int long register
@@ -348,3 +351,26 @@ def read_body_file(path: Path) -> BodyFile:
     body = validated(BodyFile, data, BodyFileError, "docs/reference/body-file.md", path)
     mesh = body.mesh.model_copy(update={"file": path.parent / body.mesh.file})
     return body.model_copy(update={"mesh": mesh})
+
+
+def plain_tables(kind: type[Any], given: Sequence[Table], length: float = 1.0) -> tuple[Any, ...]:
+    """The same as plain data, whose fields have the keys' names; what is not given has their defaults.
+
+    Lengths in the mesh's units, `length` m each, come out in m.
+    """
+    found = []
+    for one in given:
+        values = {field.name: getattr(one, field.name) for field in fields(kind)}
+        units = {name: length if OF_MESH in type(one).model_fields[name].metadata else 1.0 for name in values}
+        found.append(
+            kind(**{name: _plain(value, length, units[name]) for name, value in values.items() if value is not None})
+        )
+    return tuple(found)
+
+
+def _plain(value: Any, length: float, unit: float) -> Any:
+    if isinstance(value, PlaceTable):
+        return plain_tables(Place, [value], length)[0]
+    if isinstance(value, list):
+        return tuple(_plain(one, length, unit) for one in value)
+    return value * unit if isinstance(value, float) else value

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..files.array_types import FloatArray
-from ..files.counts import plural
+from ..files.errors import plural
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..files.targets import check_target, whole_file

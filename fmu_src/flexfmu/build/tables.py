@@ -7,9 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from ..files.axes import Axes
 from ..files.limits import MOST_MODES
-from ..files.toml_files import Name, Table, Vector
+from ..files.toml_files import Axes, Name, Table, Vector
 from ..files.units import UnitSystem
 from ..model.errors import OptionError
 from ..model.methods import DEFAULT, Mass, Method, Variant

@@ -182,8 +182,7 @@ def couple(file: Name, output: Name | None = None, report: Reporter | None = Non
     --------
     >>> flexfmu.couple("coupling.toml").to_dataframe()  # doctest: +SKIP
     """
-    from ..master import couple as march
-    from ..master import read_coupling_file, run
+    from ..master import couple as march, read_coupling_file, run
 
     report = report or ScriptReporter()
     return march(read_coupling_file(Path(file)), report) if output is None else run(Path(file), Path(output), report)
@@ -226,8 +225,7 @@ def chart(
     --------
     >>> flexfmu.chart("body.toml", "scene.toml", "records.csv").finding  # doctest: +SKIP
     """
-    from ..study.chart.draw import chart as draw
-    from ..study.chart.draw import check_targets
+    from ..study.chart.draw import chart as draw, check_targets
     from ..study.chart.sweep import sweep
     from ..study.scene.scene import read_scene
     from ..study.workshop import Crew
@@ -377,8 +375,7 @@ def show(
     >>> flexfmu.show("arm.fmu", "arm.html", loads={"tip.force.y": "5kN"})
     <Shown 'arm': tip.force.y = 5 kN>
     """
-    from .showing import Request
-    from .showing import show as make
+    from .showing import Request, show as make
 
     held = tuple(f"{name}={value}" for name, value in (loads or {}).items())
     target = None if output is None else Path(output)

@@ -14,9 +14,8 @@ from ..build.body_model import read_body_model
 from ..build.config import read_body_file
 from ..build.reduce import reduce_body
 from ..files.array_types import FloatArray, IntArray
-from ..files.errors import FlexfmuError
+from ..files.errors import FlexfmuError, nearest
 from ..files.inputs import Kind, check_input, kind_of
-from ..files.names import nearest
 from ..files.progress import Reporter
 from ..files.quantities import number, unit_of
 from ..files.store import Store, default_folder

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ..files.counts import plural
-from ..files.errors import NOT_MET
+from ..files.errors import NOT_MET, plural
 from ..fmu.runtime import Runtime
 from .common import reporter, show_written
 

@@ -25,8 +25,7 @@ def simulate(
 ) -> None:
     """Drive an FMU by a table of loads and write its motion."""
     from ..files.targets import PICTURE_SUFFIXES, check_target
-    from ..fmu.outcome import outcome
-    from ..fmu.simulation import parse_parameters, simulate_csv
+    from ..fmu.simulation import outcome, parse_parameters, simulate_csv
 
     if plot is not None:
         check_target(plot, PICTURE_SUFFIXES, inputs=(fmu, loads, output))

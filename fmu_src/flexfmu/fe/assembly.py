@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..files.array_types import FloatArray, IntArray
-from ..mesh.blocks import jacobians
+from ..mesh.elements import jacobians
 from ..mesh.equations import Simplices
 from ..mesh.model import Mesh
 from .cells import Cells, cells, turning

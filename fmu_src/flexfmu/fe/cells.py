@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
-from ..mesh.blocks import ElementBlock, jacobians
-from ..mesh.elements import ElementType
+from ..mesh.elements import ElementBlock, ElementType, jacobians
 from ..mesh.model import Mesh
 
 # Places of the components xx, yy, zz, xy, yz, zx.

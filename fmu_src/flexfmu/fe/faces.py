@@ -4,7 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..files.array_types import FloatArray, IntArray
-from ..mesh.blocks import FaceBlock
+from ..mesh.elements import FaceBlock
 from ..mesh.shapes import FACE_RULES, FACE_SHAPES
 from .assembly import scatter
 

@@ -16,12 +16,10 @@ import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import ModelError
-from ..mesh.blocks import ElementBlock, jacobians
-from ..mesh.elements import ElementType
+from ..mesh.elements import ElementBlock, ElementType, jacobians
 from ..mesh.model import SECTION_SHARES, Material, Mesh
 from ..mesh.shapes import Quadrature, brick_rule, wedge_rule
-from .beams import ROWS as BEAM_ROWS
-from .beams import beam_law
+from .beams import ROWS as BEAM_ROWS, beam_law
 from .cells import Cells, turning
 from .layers import Laminate, bent, laminates, stack
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import ModelError
-from ..mesh.blocks import ElementBlock
-from ..mesh.elements import ElementType
+from ..mesh.elements import ElementBlock, ElementType
 from ..mesh.model import Mesh
 from ..mesh.shapes import LINEAR
 from .assembly import CHUNK

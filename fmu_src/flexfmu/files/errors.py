@@ -1,4 +1,7 @@
-"""What can go wrong on the build side; each message says what, where, what was expected, and what to do."""
+"""What can go wrong on the build side, and how messages list, count and guess names."""
+
+import difflib
+from collections.abc import Iterable
 
 INTERRUPTED = 130
 """Exit code of a job that Ctrl-C ended, as shells have it."""
@@ -64,3 +67,62 @@ class OutputError(PackagingError):
 
 class SimulationError(FlexfmuError):
     """A simulation cannot be set up, or the FMU refused a step."""
+
+
+def plural(count: int, word: str) -> str:
+    """A number of things; none is "no"."""
+    return f"{count or 'no'} {word}{'' if count == 1 else 's'}"
+
+
+# So many names are worth reading.
+_SHOWN = 12
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Words that help where a name is unknown: those like it, or those that there are.
+
+    Parameters
+    ----------
+    name : str
+    known : iterable of str
+
+    Returns
+    -------
+    str
+    """
+    names = list(known)
+    near = alike(name, names)
+    if near:
+        return f"did you mean {' or '.join(map(repr, near))}?"
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return f"there are: {', '.join(names[:_SHOWN])}{more}"
+
+
+def alike(name: str, known: Iterable[str], count: int = 3) -> list[str]:
+    """Known names that differ from `name` by case or a few letters, the most alike first."""
+    lower = {one.lower(): one for one in known}
+    return [lower[match] for match in difflib.get_close_matches(name.lower(), lower, n=count)]
+
+
+# Enough to find the place in a mesh; a thousand labels would bury the message.
+SHOWN = 10
+
+
+def listed(items: Iterable[object]) -> str:
+    """Return the first ten items in words, with the number of those left out.
+
+    Parameters
+    ----------
+    items : iterable of object
+        Names or labels.
+
+    Returns
+    -------
+    str
+        Such as ``"3, 5, 8 and 12 more"``; ``"none"`` without items.
+    """
+    names = [str(item) for item in items]
+    if not names:
+        return "none"
+    shown = ", ".join(names[:SHOWN])
+    return shown if len(names) <= SHOWN else f"{shown} and {len(names) - SHOWN} more"

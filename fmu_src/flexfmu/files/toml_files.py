@@ -4,15 +4,17 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from math import hypot, inf
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
-from .errors import FlexfmuError
+from .array_types import FloatArray
+from .errors import FlexfmuError, alike
 from .inputs import Kind, check_input, toml_kind
-from .names import alike
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 """Letters, digits and _, beginning with a letter."""
@@ -300,3 +302,27 @@ def toml_value(value: Any) -> str:
         return "{ " + ", ".join(f"{key} = {one}" for key, one in named) + " }"
     # A JSON text is a basic string of TOML.
     return repr(value) if isinstance(value, int | float) else json.dumps(str(value), ensure_ascii=False)
+
+
+# Sine of the angle between two vectors below which they are parallel.
+_PARALLEL = 1e-6
+
+
+def _not_parallel(value: list[list[float]]) -> list[list[float]]:
+    (a, b, c), (x, y, z) = value
+    normal = hypot(b * z - c * y, c * x - a * z, a * y - b * x)
+    if not _PARALLEL * hypot(a, b, c) * hypot(x, y, z) < normal < inf:
+        raise ValueError(f"are {value}, expected two vectors that are not parallel")
+    return value
+
+
+Axes = Annotated[list[Vector], Field(min_length=2, max_length=2), AfterValidator(_not_parallel)]
+"""Two vectors that are not parallel."""
+
+
+def orthonormal(vectors: Sequence[Sequence[float]] | FloatArray | None) -> FloatArray:
+    """Axes (3, 3), in rows, of two vectors; the global ones without them."""
+    first, second = np.asarray(vectors if vectors is not None else np.eye(3)[:2], dtype=np.float64)
+    third = np.cross(first, second)
+    found = np.array([first, np.cross(third, first), third])
+    return found / np.linalg.norm(found, axis=1)[:, None]

@@ -21,8 +21,7 @@ PLATFORM = sys.platform
 _LAST = 2.0
 # By which number another process knows the end of a pipe, and that process's end.
 if sys.platform == "win32":
-    from msvcrt import get_osfhandle as _number
-    from msvcrt import open_osfhandle
+    from msvcrt import get_osfhandle as _number, open_osfhandle
 
     _end = functools.partial(open_osfhandle, flags=os.O_BINARY)
 else:

@@ -16,8 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..core.binaries import core_binaries
-from ..core.building import FLAGS, PLATFORMS, folders_3, prefix_header, source_files
-from ..core.building import sources as core_sources
+from ..core.building import FLAGS, PLATFORMS, folders_3, prefix_header, source_files, sources as core_sources
 from ..files.errors import PackagingError
 from ..files.inputs import Kind, check_input
 from ..files.progress import Reporter
@@ -25,8 +24,7 @@ from ..files.targets import check_target, whole_file
 from ..model.errors import ContentsError, ModalFileError
 from ..model.modal_file import read_modal_file, write_modal_file
 from ..model.reduced_body import ReducedBody
-from ..program.programs import DESCRIPTION as DESCRIBING_PROGRAM
-from ..program.programs import guid_of, programs, with_guid
+from ..program.programs import DESCRIPTION as DESCRIBING_PROGRAM, guid_of, programs, with_guid
 from .description import files_3, model_description
 from .python_slave import guid_in
 from .runtime import Runtime

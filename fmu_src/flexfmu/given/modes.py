@@ -12,12 +12,11 @@ import scipy.sparse as sp
 
 from ..fe.assembly import mass as mass_matrix
 from ..files.array_types import FloatArray, IntArray
-from ..files.errors import FlexfmuError
+from ..files.errors import FlexfmuError, listed
 from ..files.inputs import Kind, kind_of
 from ..files.targets import check_target, whole_file
 from ..files.units import UnitSystem
 from ..mesh.checks import DENSITY_RANGE, SIZE_RANGE, checked
-from ..mesh.listing import listed
 from ..mesh.model import NO_MATERIAL, Material, Mesh
 from ..reduction.model import rigid_basis
 

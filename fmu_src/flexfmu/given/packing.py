@@ -9,12 +9,18 @@ import h5py
 import meshio
 import numpy as np
 
-from ..build.choices import Interface, NodeChoices, Nodes, checked_spec, interface_table, support_table
-from ..build.choices import plain as plain_value
+from ..build.choices import (
+    Interface,
+    NodeChoices,
+    Nodes,
+    checked_spec,
+    interface_table,
+    plain as plain_value,
+    support_table,
+)
 from ..build.config import BodySpec
 from ..files.array_types import FloatArray, IntArray
-from ..files.counts import plural
-from ..files.errors import BodyFileError
+from ..files.errors import BodyFileError, plural
 from ..files.progress import Reporter, ScriptReporter
 from ..files.units import UnitSystem
 from ..files.version import __version__
@@ -36,8 +42,7 @@ from ..reduction.rigid_fit import by_node
 from ..reduction.subdomains import Subdomain, fitted_rotation, frame_operators, requested_subdomains
 from ..reduction.surface import body_surface
 from .modes import GivenModes, checked_modes, read_given
-from .sid import SUFFIX as SID
-from .sid import read_sid
+from .sid import SUFFIX as SID, read_sid
 
 
 def pack(

@@ -6,11 +6,10 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from ..files.axes import Axes
 from ..files.errors import SimulationError
 from ..files.inputs import Kind
 from ..files.limits import MOST_COUPLED_STEPS
-from ..files.toml_files import Name, NotNegative, Table, different, read_toml, validated
+from ..files.toml_files import Axes, Name, NotNegative, Table, different, read_toml, validated
 
 # FMU instances; a dot parts them from their variables.
 Six = Annotated[list[NotNegative], Field(min_length=6, max_length=6)]

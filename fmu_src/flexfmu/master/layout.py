@@ -13,9 +13,8 @@ import numpy as np
 from fmpy.model_description import BaseUnit, ModelVariable
 
 from ..files.array_types import BoolArray, FloatArray, IntArray
-from ..files.errors import SimulationError
+from ..files.errors import SimulationError, nearest
 from ..files.inputs import Kind, check_input
-from ..files.names import nearest
 from .config import StartValue
 
 # What `generationTool` begins with in FMUs of this package.

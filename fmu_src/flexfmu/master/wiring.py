@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
-from ..files.axes import orthonormal
-from ..files.errors import SimulationError
-from ..files.names import nearest
+from ..files.errors import SimulationError, nearest
 from ..files.tables import read_table
+from ..files.toml_files import orthonormal
 from ..files.units import QUANTITIES
 from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, SpringTable, StartValue
 from .layout import (

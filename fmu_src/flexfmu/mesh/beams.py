@@ -16,10 +16,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..files.array_types import BoolArray, FloatArray, IntArray
-from ..files.errors import MeshError
-from .blocks import ElementBlock
+from ..files.errors import MeshError, listed
+from .elements import ElementBlock
 from .equations import RigidLink, matrix_of, merged
-from .listing import listed
 from .model import Mesh, hung
 from .shapes import BRICK
 

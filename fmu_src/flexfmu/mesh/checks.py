@@ -7,12 +7,10 @@ import numpy as np
 from scipy import sparse
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.files.errors import MeshError
+from flexfmu.files.errors import MeshError, listed
 from flexfmu.files.units import UNITS, UnitSystem
-from flexfmu.mesh.blocks import ElementBlock
-from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.equations import RigidLink, coupled_nodes, merged, without
-from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import Material, Mesh, hung
 
 # Volume ratio, in units of the element's extent cubed, that is taken for zero: far below that of the thinnest

@@ -10,17 +10,14 @@ import numpy as np
 from meshio._mesh import topological_dimension
 
 from flexfmu.files.array_types import FloatArray, IntArray
-from flexfmu.files.errors import MeshError
+from flexfmu.files.errors import MeshError, listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import Beam, with_beams
-from flexfmu.mesh.blocks import ElementBlock
-from flexfmu.mesh.elements import ASSUMED, ElementType
+from flexfmu.mesh.elements import ASSUMED, ElementBlock, ElementType
 from flexfmu.mesh.equations import MIDDLE, RigidLink, matrix_of, middles
-from flexfmu.mesh.listing import listed
-from flexfmu.mesh.model import NO_MATERIAL, Material, Mesh, PointMass
+from flexfmu.mesh.model import NO_MATERIAL, Material, Mesh, PointMass, SpringDamper
 from flexfmu.mesh.other.file_sets import Group, cell_groups, node_sets_of
 from flexfmu.mesh.shells import MOST_NODES, SHELLS, at_nodes, expanded
-from flexfmu.mesh.springs import SpringDamper
 
 _NO_ELEMENT = -1
 # meshio knows the number of nodes of this kind but not its dimension, and ends in a KeyError.

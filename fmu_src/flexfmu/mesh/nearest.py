@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..files.array_types import FloatArray, IntArray
-from .blocks import face_corners
+from .elements import face_corners
 from .shapes import FACE_SHAPES
 
 # Rounds and step, in a face's own coordinates, with which the nearest place on it is found.

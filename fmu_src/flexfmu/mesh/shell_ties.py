@@ -7,7 +7,7 @@ import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import MeshError
-from .blocks import face_corners
+from .elements import face_corners
 from .nearest import nearest_faces, weighted
 from .shapes import FACE_SHAPES
 

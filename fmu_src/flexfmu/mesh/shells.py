@@ -12,8 +12,7 @@ import scipy.sparse as sp
 
 from ..files.array_types import BoolArray, FloatArray, IntArray
 from ..files.errors import MeshError
-from .blocks import ElementBlock
-from .elements import ElementType
+from .elements import ElementBlock, ElementType
 from .equations import MIDDLE, RigidLink, matrix_of, middles
 from .model import NO_MATERIAL, Mesh, hung
 from .shapes import FACE_SHAPES

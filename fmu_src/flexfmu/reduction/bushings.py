@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import ModelError
-from ..mesh.springs import Along, SpringDamper
+from ..mesh.model import Along, SpringDamper
 
 # A bushing's averaged motion couples all of its nodes.
 _MOST_AVERAGED = 2000

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import BodyFileError, MeshError
-from ..mesh.blocks import FaceBlock
+from ..mesh.elements import FaceBlock
 from ..mesh.equations import coupled_nodes
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND

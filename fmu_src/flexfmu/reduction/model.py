@@ -11,14 +11,12 @@ import scipy.sparse as sp
 
 from ..fe.unknowns import Unknowns, unknowns
 from ..files.array_types import BoolArray, FloatArray, IntArray
-from ..files.axes import orthonormal
-from ..files.errors import BodyFileError, ModelError
+from ..files.errors import BodyFileError, ModelError, listed
+from ..files.toml_files import orthonormal
 from ..files.units import UnitSystem
 from ..mesh.checks import connected_parts, linked_pieces, without_mechanisms
 from ..mesh.equations import simplex
-from ..mesh.listing import listed
-from ..mesh.model import NO_MATERIAL, Material, Mesh
-from ..mesh.springs import SpringDamper
+from ..mesh.model import NO_MATERIAL, Material, Mesh, SpringDamper
 from .bushings import Bushings, End
 from .options import BodyOptions, MaterialConstants, SupportNodes
 from .places import node_set

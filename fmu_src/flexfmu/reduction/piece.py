@@ -8,7 +8,7 @@ import numpy as np
 
 from ..fe.stress import point_stress, stress_jumps
 from ..files.array_types import FloatArray
-from ..files.counts import plural
+from ..files.errors import plural
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
 from ..model.inertia import LumpedMass

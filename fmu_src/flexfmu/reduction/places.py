@@ -7,9 +7,8 @@ from typing import TypeVar
 import numpy as np
 
 from ..files.array_types import BoolArray, FloatArray, IntArray
-from ..files.errors import BodyFileError
+from ..files.errors import BodyFileError, listed
 from ..files.units import UnitSystem
-from ..mesh.listing import listed
 from ..mesh.model import Mesh
 from .options import BodyOptions, FrameNodes, InterfaceNodes, Nodes, Place, SupportNodes
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from ..build.body_model import read_body_model
 from ..build.config import read_body_file
-from ..files.counts import plural
-from ..files.errors import AccuracyError, BodyFileError
+from ..files.errors import AccuracyError, BodyFileError, plural
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..files.targets import check_target, whole_file

@@ -13,8 +13,7 @@ from ..build.config import BodyFile, read_body_file
 from ..build.tables import FormulationTable
 from ..core.interface import parameter
 from ..files.array_types import FloatArray
-from ..files.counts import plural
-from ..files.errors import BodyFileError
+from ..files.errors import BodyFileError, plural
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..model.errors import EquilibriumError

@@ -8,8 +8,7 @@ from ..body.flexible_body import FlexibleBody, State
 from ..body.loads import Loads
 from ..body.recovery import surface_of, surface_von_mises
 from ..files.array_types import FloatArray, IntArray
-from ..files.counts import plural
-from ..files.errors import FlexfmuError
+from ..files.errors import FlexfmuError, plural
 from ..files.progress import Reporter
 from ..model.reduced_body import GROUND
 from .model import STRESS, Case, Mark, MarkKind, Region, View, metres

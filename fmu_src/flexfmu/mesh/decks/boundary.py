@@ -6,10 +6,9 @@ from collections.abc import Container, Mapping, Sequence
 import numpy as np
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.files.errors import DeckError
+from flexfmu.files.errors import DeckError, listed
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.listing import listed
 
 # Degrees of freedom 4 to 6 are rotations, which reference nodes have and nodes of solids have not.
 LAST_DOF = 6

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from flexfmu.files.array_types import FloatArray
-from flexfmu.files.errors import DeckError, MeshError
-from flexfmu.mesh.listing import listed
+from flexfmu.files.errors import DeckError, MeshError, listed
 
 Found = TypeVar("Found")
 # Files that are included within each other; no deck of a user has as many.

@@ -8,30 +8,31 @@ from pathlib import Path
 import numpy as np
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.files.errors import DeckError, MeshError
+from flexfmu.files.errors import DeckError, MeshError, listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import Beam, with_beams
-from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.assembly import Assembly
+from flexfmu.mesh.decks.attached import MASSES, SPRINGS, Carriers, deck_springs, point_masses
 from flexfmu.mesh.decks.boundary import held_by_steps, hold, inclined
 from flexfmu.mesh.decks.cards import Card, read_cards
 from flexfmu.mesh.decks.couplings import COUPLINGS, CouplingTable, offered
-from flexfmu.mesh.decks.equations import equations
+from flexfmu.mesh.decks.equations import TieTable, equations
 from flexfmu.mesh.decks.geometry import Elements, ElementTable, NodeTable
 from flexfmu.mesh.decks.keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
-from flexfmu.mesh.decks.masses import CARDS as MASSES
-from flexfmu.mesh.decks.masses import Carriers, point_masses
 from flexfmu.mesh.decks.materials import Assigned, DeckMaterials
 from flexfmu.mesh.decks.orientation import orientation
 from flexfmu.mesh.decks.sets import DeckSurface, SetTable, surface
-from flexfmu.mesh.decks.springs import CARDS as SPRINGS
-from flexfmu.mesh.decks.springs import deck_springs
-from flexfmu.mesh.decks.structures import KEY as SHELLS
-from flexfmu.mesh.decks.structures import KEYS as BEAMS
-from flexfmu.mesh.decks.structures import Faces, by_element, take_beams, take_shells, thickness_by_node
-from flexfmu.mesh.decks.ties import TieTable
+from flexfmu.mesh.decks.structures import (
+    KEY as SHELLS,
+    KEYS as BEAMS,
+    Faces,
+    by_element,
+    take_beams,
+    take_shells,
+    thickness_by_node,
+)
+from flexfmu.mesh.elements import ElementBlock
 from flexfmu.mesh.equations import matrix_of
-from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import Mesh
 from flexfmu.mesh.shell_ties import OfShell
 from flexfmu.mesh.shells import FoldedShellError, expanded

@@ -9,12 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfmu.files.array_types import FloatArray, IntArray
-from flexfmu.files.errors import DeckError
-from flexfmu.mesh.blocks import ElementBlock, by_block
+from flexfmu.files.errors import DeckError, listed
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.types import SUPPORTED, reading
-from flexfmu.mesh.elements import ElementType
-from flexfmu.mesh.listing import listed
+from flexfmu.mesh.elements import ElementBlock, ElementType, by_block
 from flexfmu.mesh.model import NO_MATERIAL
 
 # CalculiX and Abaqus end a data line here at the latest, so that a shorter row is one line.

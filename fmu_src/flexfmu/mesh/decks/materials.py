@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfmu.files.array_types import FloatArray, IntArray
+from flexfmu.files.errors import listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import is_likely_density
 from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
 from flexfmu.mesh.decks.orientation import Orientation, orientation
 from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material, isotropic_average, laminate
 
 # Constants a row holds at most, in both solvers.

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfmu.files.array_types import IntArray
+from flexfmu.files.errors import listed
 from flexfmu.mesh.decks.cards import FLAT, Card, Line, Scope, fields, integer
 from flexfmu.mesh.decks.geometry import Elements
-from flexfmu.mesh.listing import listed
 
 
 @dataclass(slots=True)

@@ -8,16 +8,14 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from flexfmu.files.array_types import FloatArray, IntArray
-from flexfmu.files.errors import MeshError
+from flexfmu.files.errors import MeshError, listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import Beam, CrossSection, box, ellipse, i_section, l_section, pipe, rectangle
-from flexfmu.mesh.blocks import ElementBlock
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.geometry import Elements, ElementTable
 from flexfmu.mesh.decks.materials import DeckMaterials, MaterialCard, plies
 from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.elements import ElementType
-from flexfmu.mesh.listing import listed
+from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.shells import MOST_NODES, at_nodes
 
 Made = TypeVar("Made")

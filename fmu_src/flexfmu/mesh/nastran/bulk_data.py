@@ -14,13 +14,12 @@ import meshio
 import numpy as np
 
 from flexfmu.files.array_types import IntArray
-from flexfmu.files.errors import MeshError
+from flexfmu.files.errors import MeshError, listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.elements import ASSUMED
 from flexfmu.mesh.in_memory import Contents, Member, cells_of
-from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import NO_MATERIAL, Material
-from flexfmu.mesh.nastran.line_cards import CARDS, LineCard, is_line, lines
+from flexfmu.mesh.nastran.line_cards import CARDS, SPRINGS, LineCard, is_line, lines, springs
 from flexfmu.mesh.nastran.node_cards import (
     SPIDERS,
     hinges,
@@ -44,8 +43,6 @@ from flexfmu.mesh.nastran.shell_cards import (
     material,
     plate,
 )
-from flexfmu.mesh.nastran.spring_cards import CARDS as SPRINGS
-from flexfmu.mesh.nastran.spring_cards import springs
 from flexfmu.mesh.other.extras import imported, quiet
 from flexfmu.mesh.shapes import FACE_SHAPES
 

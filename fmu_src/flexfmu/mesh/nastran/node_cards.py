@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from flexfmu.files.array_types import FloatArray
-from flexfmu.files.errors import MeshError
+from flexfmu.files.errors import MeshError, listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.equations import RigidLink
-from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import PointMass, masses_note
 
 # Cards of nodes that move with a reference point: which of their nodes are on the body, and the reference.

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from flexfmu.files.array_types import FloatArray
-from flexfmu.files.errors import MeshError
+from flexfmu.files.errors import MeshError, listed
 from flexfmu.files.units import UnitSystem
-from flexfmu.mesh.listing import listed
 from flexfmu.mesh.model import Material, isotropic_average, laminate
 from flexfmu.mesh.nastran.line_cards import basic
 from flexfmu.mesh.nastran.node_cards import lines_of

@@ -10,9 +10,8 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from flexfmu.files.errors import MeshError
+from flexfmu.files.errors import MeshError, listed
 from flexfmu.mesh.in_memory import Contents, Member, cells_of
-from flexfmu.mesh.listing import listed
 from flexfmu.mesh.other.extras import quiet
 
 # Around a polygon mid-side nodes stand between its corners; solids have such rings, and nodes between them.

@@ -12,20 +12,17 @@ from scipy.sparse.csgraph import connected_components
 
 from ...fe.assembly import stiffness
 from ...files.array_types import BoolArray, FloatArray, IntArray
-from ...files.errors import BodyFileError
+from ...files.errors import BodyFileError, listed
 from ...mesh.checks import connected_parts, nodes_of_elements
 from ...mesh.equations import coupled_nodes, renumbered
-from ...mesh.listing import listed
-from ...mesh.model import Mesh
-from ...mesh.springs import moved_springs
+from ...mesh.model import Mesh, moved_springs
 from ..bushings import Bushings
 from ..division import neighbours
 from ..model import Model, free_motions
 from ..options import Basis, BodyOptions, BranchJoints, InterfaceNodes, SupportNodes
 from ..places import node_set
 from ..rigid_fit import by_node, rigid_fit, rigid_motions
-from ..subdomains import elements_within
-from ..subdomains import section as section_weights
+from ..subdomains import elements_within, section as section_weights
 from .loops import LoopSection
 
 SIDES = ("a", "b")

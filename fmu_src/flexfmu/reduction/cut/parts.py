@@ -7,8 +7,7 @@ import numpy as np
 import scipy.linalg
 
 from ...files.array_types import FloatArray, IntArray
-from ...files.counts import plural
-from ...files.errors import BodyFileError
+from ...files.errors import BodyFileError, plural
 from ...files.progress import Reporter
 from ...files.store import Store, content_key
 from ...model.reduced_body import ReducedBody, Shadow

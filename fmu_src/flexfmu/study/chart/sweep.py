@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ...body.flexible_body import FlexibleBody
-from ...files.counts import plural
-from ...files.errors import AccuracyError, SimulationError
+from ...files.errors import AccuracyError, SimulationError, plural
 from ...files.progress import Reporter
 from ...files.store import Store
 from ...model.errors import RuntimeBodyError

@@ -1,21 +1,155 @@
-"""Springs and dampers of a deck: elements SPRINGA, SPRING1, SPRING2 and DASHPOT with *SPRING and *DASHPOT."""
+"""What hangs at nodes of a deck: masses (MASS, ROTARYI), springs and dampers (SPRINGA, SPRING1, SPRING2, DASHPOT)."""
 
 from collections.abc import Sequence, Set
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
+from flexfmu.files.errors import listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
+from flexfmu.mesh.decks.couplings import Coupling
 from flexfmu.mesh.decks.geometry import Element, Elements
-from flexfmu.mesh.decks.masses import Carriers
 from flexfmu.mesh.decks.orientation import Orientation
 from flexfmu.mesh.decks.sets import SetTable
-from flexfmu.mesh.listing import listed
-from flexfmu.mesh.springs import Along, SpringDamper, springs_note, unit_of
+from flexfmu.mesh.model import Along, PointMass, SpringDamper, masses_note, springs_note, unit_of
 
-CARDS = {"SPRING": "SPRING", "DASHPOT": "DASHPOT"}
+# Where I11, I22, I33, I12, I13, I23 stand in a matrix.
+MASSES = {"MASS": "MASS", "ROTARYINERTIA": "ROTARYI"}
+"""Cards, and the type of the elements that each is for."""
+_PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def point_masses(
+    cards: Sequence[Card],
+    element_sets: SetTable,
+    elements: Elements,
+    carriers: "Carriers",
+    units: UnitSystem,
+    notes: list[str],
+) -> tuple[PointMass, ...]:
+    """Return the masses of the cards *MASS and *ROTARY INERTIA.
+
+    Parameters
+    ----------
+    cards : sequence of Card
+    element_sets : SetTable
+    elements : Elements
+    carriers : Carriers
+    units : UnitSystem
+    notes : list of str
+        Gets what is found, and what does nothing.
+
+    Returns
+    -------
+    tuple of PointMass
+        One for each node that has any.
+
+    Raises
+    ------
+    DeckError
+        Numbers are missing or negative, elements are of another type, or nothing carries a node.
+    """
+    given = _given(cards, element_sets, elements, units)
+    found = []
+    labels = elements.nodes.labels()
+    for row in sorted(given):
+        one, on = given[row], carriers.of(row)
+        if on is None:
+            raise one.line.error(
+                f"node {labels[row]} has a mass and belongs to no element and no coupling, which would carry it; "
+                "couple it (*COUPLING), or take the mass out"
+            )
+        if on.size == 1 and np.any(one.inertia) and row not in carriers.turning:
+            place = f"{one.line.place}: node {labels[row]}"
+            notes.append(f"{place} of a solid does not turn: its rotary inertia does nothing")
+        found.append(PointMass(f"node {labels[row]}", carriers.points[row], on, one.mass, one.inertia))
+    notes.extend(masses_note(found, "nodes"))
+    return tuple(found)
+
+
+def _given(cards: Sequence[Card], element_sets: SetTable, elements: Elements, units: UnitSystem) -> dict[int, "_Given"]:
+    """What the cards give a node, by its row."""
+    given: dict[int, _Given] = {}
+    for card in cards:
+        members = element_sets.find(card.required("ELSET"), card.line, card.scope)
+        chosen = elements.others_of(members)
+        if len(chosen) < len(members) or any(other.name != MASSES[card.key] for other in chosen):
+            raise card.line.error(
+                f"*{card.keyword} is for elements of type {MASSES[card.key]}, set '{card.parameters['ELSET']}' "
+                "holds others; name a set of these alone"
+            )
+        values = _mass_numbers(card)
+        for row in (elements.nodes.rows_of(other)[0] for other in chosen):
+            one = given.setdefault(row, _Given(card.line))
+            one.line = card.line
+            if card.key == "MASS":
+                one.mass += values[0] * units.density * units.length**3
+            else:
+                one.inertia = one.inertia + _matrix(values) * units.density * units.length**5
+    return given
+
+
+@dataclass(slots=True)
+class _Given:
+    """Mass (kg) and inertia (kg m²) of a node, and the last line that gave it some."""
+
+    line: Line
+    mass: float = 0.0
+    inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+
+
+@dataclass(frozen=True, slots=True)
+class Carriers:
+    """What carries a node: itself where elements have it, else the nodes of the coupling that it is the reference of.
+
+    Attributes
+    ----------
+    points : (n, 3) float
+        m.
+    used : set of int
+        Rows of nodes of elements.
+    turning : set of int
+        Those of beams.
+    couplings : sequence of Coupling
+    """
+
+    points: FloatArray
+    used: set[int]
+    turning: set[int]
+    couplings: Sequence[Coupling]
+
+    def of(self, row: int) -> IntArray | None:
+        """Rows of the nodes (k,) that carry a node, or None."""
+        if row in self.used:
+            return np.array([row])
+        return next((coupling.nodes for coupling in self.couplings if coupling.reference == row), None)
+
+
+def _mass_numbers(card: Card) -> list[float]:
+    """Numbers of the first row."""
+    texts = fields(card.data[0]) if card.data else []
+    line = card.data[0] if card.data else card.line
+    wanted = 1 if card.key == "MASS" else 3
+    if len(texts) < wanted:
+        raise line.error(f"*{card.keyword} should have a row of {wanted} numbers or more, found {len(texts)}")
+    values = [number(text, line, f"each number of *{card.keyword}") if text else 0.0 for text in texts[:6]]
+    if min(values[:wanted]) < 0.0:
+        raise line.error(f"*{card.keyword} has the number {min(values[:wanted]):g}; masses are positive")
+    return values
+
+
+def _matrix(values: Sequence[float]) -> FloatArray:
+    """Matrix (3, 3) of moments and products of inertia, I12 = −∫ρ x y."""
+    result = np.zeros((3, 3))
+    for (i, j), value in zip(_PLACES, values, strict=False):
+        result[i, j] = result[j, i] = value
+    return result
+
+
+SPRINGS = {"SPRING": "SPRING", "DASHPOT": "DASHPOT"}
 """Cards, and the beginning of the elements' names that each is for; A, 1 or 2 follows."""
 
 
@@ -76,7 +210,7 @@ def deck_springs(
     found, known = [], set()
     ends = _Ends(elements, carriers, fixed)
     for card in cards:
-        directions, value = _values(card)
+        directions, value = _spring_numbers(card)
         turned: Orientation | None = None
         if name := card.parameters.get("ORIENTATION"):
             turned = orientations.get(card.scope.qualified(name).upper())
@@ -84,15 +218,15 @@ def deck_springs(
                 raise card.line.error(f"*{card.keyword} names the orientation '{name}', which is not there")
         members = element_sets.find(card.required("ELSET"), card.line, card.scope)
         chosen = elements.others_of(members)
-        if len(chosen) < len(members) or any(not one.name.startswith(CARDS[card.key]) for one in chosen):
+        if len(chosen) < len(members) or any(not one.name.startswith(SPRINGS[card.key]) for one in chosen):
             raise card.line.error(
-                f"*{card.keyword} is for elements of type {CARDS[card.key]}A, 1 or 2, set "
+                f"*{card.keyword} is for elements of type {SPRINGS[card.key]}A, 1 or 2, set "
                 f"'{card.parameters['ELSET']}' holds others; name a set of these alone"
             )
         for element in chosen:
             known.add(element.label)
             found.append(_spring(card, element, ends, turned, directions, value, units))
-    lone = [one for one in elements.others if one.name.startswith(tuple(CARDS.values())) and one.label not in known]
+    lone = [one for one in elements.others if one.name.startswith(tuple(SPRINGS.values())) and one.label not in known]
     if lone:
         raise lone[0].line.error(f"element {lone[0].label} of type {lone[0].name} has no *SPRING or *DASHPOT; add it")
     notes.extend(springs_note(found))
@@ -133,7 +267,7 @@ def _spring(
     return SpringDamper(name, (on[0], on[1]), places, places.mean(axis=0), axes, stiffness, damping, along)
 
 
-def _values(card: Card) -> tuple[tuple[int, ...], float]:
+def _spring_numbers(card: Card) -> tuple[tuple[int, ...], float]:
     """Directions of a card's first row, none where it is blank, and its number."""
     if "NONLINEAR" in card.parameters or "RTOL" in card.parameters or "COMPLEXSTIFFNESS" in card.parameters:
         raise card.line.error(
