@@ -374,10 +374,10 @@ def test_a_motion_that_constant_mass_does_not_meet_is_given_the_deformed_body_s(
     """No frames bring constant mass within it."""
     found = fit(shaken(tmp_path, name, tolerance), tmp_path / "fitted.toml", Reporter(), store)
     assert found.met
-    assert found.variant == Variant(Method.SECOND_ORDER, Mass.CONFIGURATION)
+    assert found.variant == Variant(Method.SECOND_ORDER, Mass.POLYNOMIAL)
     written = (tmp_path / "fitted.toml").read_text(encoding="utf-8")
-    assert 'mass = "configuration"' in written
-    assert "second_order, mass configuration" in written
+    assert 'mass = "polynomial"' in written
+    assert "second_order, mass polynomial" in written
 
 
 @pytest.mark.parametrize(("name", "tolerance"), [("beam", 0.03), pytest.param("L-frame", 0.05, marks=pytest.mark.long)])

@@ -14,7 +14,7 @@ from ..files.store import Store
 from ..files.targets import check_target, whole_file
 from ..fmu.package import package_fmu
 from ..model.errors import RuntimeBodyError
-from ..model.methods import Mass, Method, Variant, has_frames
+from ..model.methods import Mass, Method, Variant, has_frames, masses_of
 from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen
 from ..reduction.cut.loop_choice import cut_loops
@@ -161,7 +161,7 @@ def _closes_a_loop(scene: Scene) -> bool:
 def frames_needed(workshop: Workshop) -> Tried:
     """Errors with plenty of modes and residual flexibility: linear, then of more and more frames until they will do.
 
-    The mass of the deformed body is tried where no constant mass will do.
+    The mass of the deformed body is tried where no constant mass will do: as a polynomial, and then exactly.
 
     Parameters
     ----------
@@ -177,12 +177,13 @@ def frames_needed(workshop: Workshop) -> Tried:
     rounds = [
         ([linear_frames(scene.config)], [one for one in constant if not has_frames(one.method)]),
         (levels, [one for one in constant if has_frames(one.method)]),
+        (levels, _variants(scene, Mass.POLYNOMIAL)),
         (levels, _variants(scene, Mass.CONFIGURATION)),
     ]
     tried: Tried = {}
     done = 0
     with workshop.report.counted(
-        "1 of 3: frames, with plenty of modes", 1 + 2 * len(levels), "numbers at most"
+        "1 of 3: frames, with plenty of modes", 1 + 3 * len(levels), "numbers at most"
     ) as tell:
         for numbers, variants in rounds:
             for frames in numbers:
@@ -197,11 +198,12 @@ def frames_needed(workshop: Workshop) -> Tried:
 def _variants(scene: Scene, mass: Mass) -> list[Variant]:
     """What may do with a mass: linear, frames, and what `[sweep]` lists of the others."""
     sweep = scene.file.sweep
-    if mass is Mass.CONFIGURATION:
+    if mass is not Mass.CONSTANT:
         # Where it is not ruled out by name.
         if not scene.transient or (mass not in sweep.mass and "mass" in sweep.model_fields_set):
             return []
-        found = [Variant(Method.SECOND_ORDER if Method.SECOND_ORDER in sweep.methods else Method.FRAMES, mass)]
+        way = Method.SECOND_ORDER if Method.SECOND_ORDER in sweep.methods else Method.FRAMES
+        found = [Variant(way, mass)] if mass in masses_of(way) else []
     else:
         listed = [method for method in sweep.methods if method not in _COMPARED]
         found = [Variant(method) for method in dict.fromkeys((Method.LINEAR, Method.FRAMES, *listed))]

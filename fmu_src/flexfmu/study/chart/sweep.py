@@ -17,7 +17,7 @@ from ...files.errors import AccuracyError, SimulationError, plural
 from ...files.progress import Reporter
 from ...files.store import Store
 from ...model.errors import RuntimeBodyError
-from ...model.methods import Method, has_frames
+from ...model.methods import Mass, Method, has_frames
 from ...model.modal_file import write_modal_file
 from ...model.reduced_body import ReducedBody
 from ...model.variants import lean
@@ -154,13 +154,16 @@ class Grid:
         bases = {m.reduction.basis for m in self.models}
         steps = {m.internal_step for m in self.models} - {EXACT}
         step = SINGLE if SINGLE in steps else max(steps, default=EXACT)
+        # Each method with the mass that it has by default, where that is listed.
+        usual = [Mass.POLYNOMIAL, Mass.CONSTANT, Mass.CONFIGURATION].index
+        masses = {way: min((m.variant.mass for m in self.models if m.variant.method is way), key=usual) for way in methods}
         # The fewest, and a middling number.
         modes, frames = ({listed[0], listed[len(listed) // 2]} for listed in (self.modes, self.frames))
         return [
             m
             for m in self.models
             if m.variant.method in (methods & set(_MAIN) or methods)
-            and m.variant.mass is min((m.variant.mass for m in self.models), key=lambda one: one.value != "constant")
+            and m.variant.mass is masses[m.variant.method]
             and m.reduction.basis is min(bases, key=lambda one: (one is not BasisChoice.RESIDUAL, one.value))
             and m.reduction.modes in modes
             and (not _divided(m) or m.reduction.frames in frames)

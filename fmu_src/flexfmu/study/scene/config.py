@@ -217,8 +217,8 @@ class SweepTable(Table):
     methods
         Names of [methods](../methods.md).
     mass
-        For transients, `"constant"`; `"configuration"` with `frames` and `second_order`; `"polynomial"` with the last.
-        Without this key `fit` tries it last.
+        For transients, `"constant"`; `"polynomial"` with `second_order`; `"configuration"` with it and `frames`.
+        Without this key `fit` tries the last, too, where no other will do.
     internal_step
         `"single"`: one internal step per communication step; numbers: `internal_step.tolerance`.
     finite_elements
@@ -232,7 +232,9 @@ class SweepTable(Table):
         default=[m for m in Method if m not in (Method.MODAL_ROTATION, Method.HALF_ROTATION, Method.STIFFNESS_BY_MODE)],
         min_length=1,
     )
-    mass: list[Annotated[Mass, Field(strict=False)]] = Field(default=[Mass.CONSTANT], min_length=1)
+    mass: list[Annotated[Mass, Field(strict=False)]] = Field(
+        default=[Mass.CONSTANT, Mass.POLYNOMIAL], min_length=1
+    )
     internal_step: list[Literal["single"] | Annotated[float, Field(gt=0.0, lt=1.0)]] = Field(
         default=["single", 1e-4], min_length=1
     )
