@@ -156,7 +156,9 @@ class Grid:
         step = SINGLE if SINGLE in steps else max(steps, default=EXACT)
         # Each method with the mass that it has by default, where that is listed.
         usual = [Mass.POLYNOMIAL, Mass.CONSTANT, Mass.CONFIGURATION].index
-        masses = {way: min((m.variant.mass for m in self.models if m.variant.method is way), key=usual) for way in methods}
+        masses = {
+            way: min((m.variant.mass for m in self.models if m.variant.method is way), key=usual) for way in methods
+        }
         # The fewest, and a middling number.
         modes, frames = ({listed[0], listed[len(listed) // 2]} for listed in (self.modes, self.frames))
         return [

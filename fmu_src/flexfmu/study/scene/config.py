@@ -232,9 +232,7 @@ class SweepTable(Table):
         default=[m for m in Method if m not in (Method.MODAL_ROTATION, Method.HALF_ROTATION, Method.STIFFNESS_BY_MODE)],
         min_length=1,
     )
-    mass: list[Annotated[Mass, Field(strict=False)]] = Field(
-        default=[Mass.CONSTANT, Mass.POLYNOMIAL], min_length=1
-    )
+    mass: list[Annotated[Mass, Field(strict=False)]] = Field(default=[Mass.CONSTANT, Mass.POLYNOMIAL], min_length=1)
     internal_step: list[Literal["single"] | Annotated[float, Field(gt=0.0, lt=1.0)]] = Field(
         default=["single", 1e-4], min_length=1
     )
