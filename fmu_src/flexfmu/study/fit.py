@@ -205,8 +205,8 @@ def _variants(scene: Scene, mass: Mass) -> list[Variant]:
         way = Method.SECOND_ORDER if Method.SECOND_ORDER in sweep.methods else Method.FRAMES
         found = [Variant(way, mass)] if mass in masses_of(way) else []
     else:
-        listed = [method for method in sweep.methods if method not in _COMPARED]
-        found = [Variant(method) for method in dict.fromkeys((Method.LINEAR, Method.FRAMES, *listed))]
+        listed = dict.fromkeys((Method.LINEAR, Method.FRAMES, *sweep.methods))
+        found = [Variant(method) for method in listed if method not in _COMPARED]
     flat = linear_frames(scene.config)
     smallest = [Reduction(BasisChoice.NORMAL, 1, 1 if has_frames(v.method) else flat) for v in found]
     return [v for v, r in zip(found, smallest, strict=True) if has_meaning(scene.config, Candidate(r, v))]
@@ -356,7 +356,8 @@ def _deliver(
     verify: bool,
 ) -> Fit:
     """Write the file and the FMU, and measure what was written against the body as given."""
-    config = reduction_config(workshop.scene.config, best.reduction, [best.variant])
+    scene = workshop.scene
+    config = reduction_config(scene.config, best.reduction, [best.variant])
     with whole_file(target) as part:
         # It is read where it stands while it is written: paths in it are taken from there.
         part.write_text(body_text(config, part.parent, [], reasons), encoding="utf-8")
@@ -368,7 +369,8 @@ def _deliver(
             variant=best.variant,
             measured=measured,
             given=given_errors,
-            verified=_verified(workshop, body) if verify else None,
+            # By the finite element model.
+            verified=Workshop(scene, workshop.report, workshop.store).errors(body, best.variant) if verify else None,
             step=workshop.cost(body, chosen(body)).fastest,
             given_step=math.nan if given_errors.failure else workshop.cost(given, chosen(given)).fastest,
             mode_count=body.mode_count,
@@ -392,12 +394,6 @@ def _deliver(
                 # The body file takes its name once the FMU is there.
                 package_fmu(body, fmu)
     return result
-
-
-def _verified(workshop: Workshop, body: ReducedBody) -> SceneErrors:
-    """Errors of a body against the finite element model."""
-    judge = Workshop(workshop.scene, workshop.report, workshop.store)
-    return judge.errors(body, chosen(body))
 
 
 def _as_given(workshop: Workshop) -> tuple[ReducedBody, SceneErrors]:
