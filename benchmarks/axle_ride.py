@@ -65,13 +65,14 @@ def ride(folder: Path, preload: float, axle: dict[str, float | str], stop: float
     from demo.rear_axle.alignment import LEFT, alignment
     from demo.rear_axle.road.scene import Ride, coupling, motion
 
-    from flexfmu.master import CouplingStoppedError, couple
+    from flexfmu.files.errors import StoppedError
+    from flexfmu.master import couple
 
     set_up = coupling(Ride(begin=BEGIN, stop=stop, cut=True, axle=axle), preload, folder)
     begun, note = time.perf_counter(), ""
     try:
         result = couple(set_up)
-    except CouplingStoppedError as stopped:
+    except StoppedError as stopped:
         result, note = stopped.result, str(stopped)
     seconds = time.perf_counter() - begun
     moved = motion(result, "left")

@@ -20,11 +20,12 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.array_types import FloatArray
 from flexfmu.files.console import ConsoleReporter
+from flexfmu.files.errors import StoppedError
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import couple
 from flexfmu.master.config import parse_coupling
-from flexfmu.master.coupling import CouplingStoppedError, Result
+from flexfmu.master.coupling import Result
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.study.records import verdict
@@ -166,7 +167,7 @@ class Bench:
         )
         try:
             result = couple(coupling, heard)
-        except CouplingStoppedError as stopped:
+        except StoppedError as stopped:
             refused, result = str(stopped), stopped.result
         error = self._error(np.stack([result[name] for name in axes], axis=1), result, growth, shapes, source)
         found = verdict(error, bool(heard.words), bool(refused), TOLERANCE).value

@@ -26,7 +26,8 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import IntArray
-from flexfmu.view.picture import Camera, corner_edges, draw_outline, draw_surface, face_normals
+from flexfmu.reduction.surface import face_normals
+from flexfmu.view.picture import Camera, corner_edges, draw_outline, draw_surface
 
 HERE = Path(__file__).parent
 FloatArray = NDArray[np.float64]

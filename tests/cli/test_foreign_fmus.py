@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from bodies import beam_body
-from flexfmu.files.errors import SimulationError
+from flexfmu.files.errors import SimulationError, StoppedError
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import couple, parse_coupling, read_coupling_file
-from flexfmu.master.coupling import CouplingStoppedError
 
 # Counts its steps; at the time told it does what it is told to do to its process.
 SLAVE = """
@@ -104,7 +103,7 @@ def test_a_foreign_fmu_runs_in_a_process_of_its_own_that_ends_with_the_run(folde
 def test_an_fmu_that_exits_crashes_or_never_returns_ends_its_run_with_its_name_and_the_results_so_far(
     folder, kind, words
 ):
-    with pytest.raises(CouplingStoppedError, match=words) as stopped:
+    with pytest.raises(StoppedError, match=words) as stopped:
         # Where the process has to start, too, on a busy machine.
         coupled(folder, kind, timeout=8.0 if kind == 3 else 60.0)
     result = stopped.value.result
@@ -135,7 +134,7 @@ def test_a_foreign_fmus_process_imports_little():
 
 def test_inputs_that_a_foreign_fmu_refuses_end_the_run_with_its_name(folder):
     with pytest.raises(
-        CouplingStoppedError, match=r"(?s)at 0\.025 s: fmu 'odd' failed to take its inputs: .*too much"
+        StoppedError, match=r"(?s)at 0\.025 s: fmu 'odd' failed to take its inputs: .*too much"
     ) as stopped:
         coupled(folder, 6, more='[[connection]]\nfrom = "calm.x"\nto = "odd.u"\n')
     np.testing.assert_allclose(stopped.value.result.time[-1], 0.025, atol=1e-12)

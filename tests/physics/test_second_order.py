@@ -9,10 +9,16 @@ from bodies import source_of_judgement
 from elastica import MASS, STIFFNESS, heavy_elastica
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.build.tables import InputTable, InterfaceTable
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Mass, Method
+from flexfmu.model.reduced_body import GROUND
 from flexfmu.model.rotations import exponential, rotation_vector
 from flexfmu.reduction.options import Basis
+from flexfmu.reduction.rigid_fit import by_node
+from flexfmu.reduction.second_order import node_readings
+from flexfmu.reduction.subdomains import Subdomain, fitted_rotation
+from meshes import box
 from references import BEAM, L_FRAME, calculix, displacement, relative, rotation
 
 SECOND, BY_LOAD = Method.SECOND_ORDER, Method.STIFFNESS_BY_LOAD
@@ -212,3 +218,22 @@ def test_the_method_stores_its_data(bodies):
     document["reduction"]["second_order"] = False
     with pytest.raises(ValueError, match=r"needs second_order = true, and \[reduction\] says otherwise"):
         type(bodies.config(BEAM)).model_validate(document)
+
+
+def test_springs_on_a_line_turn_as_the_frame_that_carries_them(random):
+    """Nodes on a line tell no turn about it; without a frame they are read by themselves, as are those in a plane."""
+    points = box(ElementType.C3D8, (4, 2, 2), (1.0, 0.2, 0.2)).points
+    shapes, ends = random.standard_normal((points.size, 2)), points[:, 0] == 1.0
+    whole, joint = by_node(np.arange(len(points))), by_node(np.flatnonzero(points[:, 0] == 0.0))
+    none = np.zeros(0, dtype=np.int64)
+    frame = Subdomain("arm", GROUND, none, whole, fitted_rotation(points, whole), joint, joint.centre(points))
+    angle = frame.rotation.of(shapes)
+    springs = [by_node(np.flatnonzero(ends & (points[:, 1] == 0.0))), by_node(np.flatnonzero(ends))]
+    _, line, plane, *_ = node_readings(points, shapes, [frame], angle[None], [], [], springs, np.ones(2))
+    assert line.turn is frame.rotation
+    np.testing.assert_array_equal(line.angle, angle)
+    alone = node_readings(points, shapes, [], np.zeros((0, 3, 2)), [], [], springs, np.ones(2))[0]
+    for reading in (plane, alone):
+        assert reading.turn is not frame.rotation
+        np.testing.assert_array_equal(reading.angle, reading.turn.of(shapes))
+        assert np.abs(reading.angle - angle).max() > 0.1

@@ -12,6 +12,7 @@ import pytest
 from bodies import random_body
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.model.reduced_body import GROUND, Ties
+from flexfmu.reduction.cut import joining
 
 INERTIA, SPRING, LEVER = 0.5, 4000.0, 0.1
 # Of all springs against a small turn, N m/rad.
@@ -157,3 +158,11 @@ def test_the_error_of_a_step_is_that_of_the_motion_with_all_its_strain_energy(jo
     # Of one step, of third order.
     assert told[0] > 1e-3
     np.testing.assert_allclose(np.log2(np.array(told[:-1]) / told[1:]), 3.0, atol=0.15)
+
+
+def test_springs_of_a_joint_take_their_share_of_what_a_load_moves():
+    """Two bodies of six unit springs each, joined: half a load on one passes the joint, and both move by half of it."""
+    gap = np.hstack([np.eye(6), -np.eye(6)])[None]
+    for stiffness in joining._stiffness(np.eye(12), gap, np.eye(12)[:6]):
+        # Forces and moments have half of the share each.
+        assert 0.5**2 / stiffness / 0.5 == pytest.approx(0.5 * joining._SHARE, rel=1e-9)

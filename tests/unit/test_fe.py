@@ -14,6 +14,7 @@ from scipy.sparse.linalg import splu
 from flexfmu.fe import factorisation, unknowns as fe_unknowns
 from flexfmu.fe.assembly import mass, stiffness, summed
 from flexfmu.fe.factorisation import Factorisation, factor_entries
+from flexfmu.fe.gradients import mean_spin, own_spin
 from flexfmu.files.errors import ModelError
 from flexfmu.mesh.checks import without_mechanisms
 from flexfmu.mesh.elements import ElementType
@@ -471,3 +472,12 @@ def test_records_of_a_build_that_was_ended_are_kept_and_completed(tmp_path):
     assert [(row["stage"], row["seconds"]) for row in large.records(path)] == [("mesh", "2.0"), ("modes", "1.0")]
     assert second.largest_peak == 0.25
     assert "| 1000 | pardiso | modes | 1.0 | 0.5 | 0.25 |" in large.table(tmp_path)
+
+
+@EVERY
+def test_a_rigid_turn_spins_all_material_alike(kind, random):
+    """The mean of ω_a·ω_b over two turns, and the mean of |ω|² where a motion turns the material."""
+    mesh, turns = skewed(kind, random), random.standard_normal((2, 3))
+    fields = np.cross(turns[:, None], mesh.points).reshape(2, -1).T
+    np.testing.assert_allclose(mean_spin(mesh, fields), turns @ turns.T, rtol=1e-10)
+    assert own_spin(mesh, fields[:, 0]) == pytest.approx(turns[0] @ turns[0], rel=1e-10)

@@ -455,8 +455,6 @@ class FlexibleBody:
         given = loads if isinstance(loads, Loads) else self.loads(loads)
         names, found = self.model.interface_names, [np.shape(given.force), np.shape(given.moment)]
         if found != [(len(names), 3)] * 2:
-            what = (
-                f"expected ({len(names)}, 3), one row for each of {', '.join(names)}: make them by this body's `loads`"
-            )
+            what = f"expected ({len(names)}, 3), one row each of {', '.join(names)}: make them by this body's `loads`"
             raise LoadError(f"forces and moments have shapes {found[0]} and {found[1]}, {what}")
         return given.packed(self.model.masses is not None)

@@ -20,7 +20,7 @@ from ..mesh.model import NO_MATERIAL, Mesh
 from ..reduction.model import KEYS, missing
 from ..reduction.options import Nodes, Place
 from ..reduction.places import node_set
-from ..reduction.surface import surface_nodes
+from ..reduction.surface import face_edges, face_normals, surface_nodes
 from .config import C_KEYWORDS, BodyFile
 
 # Faces whose normals differ by less belong to one smooth piece: coarse bores of eight elements have 45° between them.
@@ -47,12 +47,7 @@ def bores(mesh: Mesh) -> dict[str, Place]:
     """
     nodes, faces = surface_nodes(mesh)
     points = mesh.points[nodes]
-    corners = points[faces]
-    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    # Triangles have their last corner twice.
-    flat = faces[:, 2] == faces[:, 3]
-    normal[flat] = np.cross(corners[flat, 1] - corners[flat, 0], corners[flat, 2] - corners[flat, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = face_normals(points, faces)
     piece = _smooth_pieces(faces, normal)
     found = [_bore(points, faces[piece == k], normal[piece == k]) for k in range(int(piece.max()) + 1)]
     places = sorted((place for place in found if place is not None), key=lambda place: -(place.radius or 0.0))
@@ -61,10 +56,7 @@ def bores(mesh: Mesh) -> dict[str, Place]:
 
 def _smooth_pieces(faces: IntArray, normal: FloatArray) -> IntArray:
     """Piece (f,) that each face belongs to: connected over edges without a kink."""
-    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    owner = np.repeat(np.arange(len(faces)), 4)
-    real = edges[:, 0] != edges[:, 1]
-    edges, owner = edges[real], owner[real]
+    edges, owner = face_edges(faces)
     order = np.lexsort(edges.T)
     edges, owner = edges[order], owner[order]
     same = np.flatnonzero(np.all(edges[1:] == edges[:-1], axis=1))

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from ..files.limits import MOST_MODES
-from ..files.toml_files import Axes, Name, Table, Vector
+from ..files.toml_files import Axes, Name, Positive, Table, Vector, ascending
 from ..files.units import UnitSystem
 from ..model.errors import OptionError
 from ..model.methods import DEFAULT, Mass, Method, Variant
@@ -17,6 +17,7 @@ from ..reduction.options import Basis
 OF_MESH = "length in the mesh's units"
 """Marks keys that are in m as plain data."""
 ModeNumber = Annotated[int, Field(ge=1, le=MOST_MODES)]
+_ASCENDING_MODES = ascending("numbers of modes, such as [1, 3, 5]")
 
 
 class MeshUnits(Table):
@@ -199,7 +200,7 @@ class SupportTable(Table):
             for axis, value in zip(("x", "y", "z"), values or (), strict=False):
                 if axis in self.fix and value > 0.0:
                     raise ValueError(
-                        f"both fixes {axis} and puts a {kind.format(value)} along it, expected one of the two"
+                        f"both fixes {axis} and puts a {kind.format(value)} along it, expected one of them"
                     )
         return self
 
@@ -280,14 +281,9 @@ class BranchTable(Table):
     """
 
     toward: str
-    joints: Annotated[list[Annotated[float, Field(gt=0.0)]], OF_MESH] = Field(min_length=1)
-
-    @field_validator("joints")
-    @classmethod
-    def _ascending(cls, value: list[float]) -> list[float]:
-        if any(b <= a for a, b in pairwise(value)):
-            raise ValueError(f"is {value}, expected ascending distances from the supports, such as [0.2, 0.5]")
-        return value
+    joints: Annotated[list[Positive], OF_MESH, ascending("distances from the supports, such as [0.2, 0.5]")] = Field(
+        min_length=1
+    )
 
 
 class CutTable(Table):
@@ -343,19 +339,12 @@ class ReductionTable(Table):
     """
 
     basis: Basis = Field(default=Basis.NORMAL, strict=False)
-    modes: ModeNumber | Annotated[list[ModeNumber], Field(min_length=1)] = 8
+    modes: ModeNumber | Annotated[list[ModeNumber], Field(min_length=1), _ASCENDING_MODES] = 8
     residual_flexibility: bool | Annotated[list[str], Field(min_length=1)] | None = None
     geometric_stiffness: list[Literal["by_load", "by_mode"]] | None = None
     inertia: bool | None = None
     second_order: bool | None = None
     membrane: bool | Literal["auto"] = "auto"
-
-    @field_validator("modes")
-    @classmethod
-    def _ascending(cls, value: int | list[int]) -> int | list[int]:
-        if isinstance(value, list) and any(b <= a for a, b in pairwise(value)):
-            raise ValueError(f"is {value}, expected ascending numbers of modes, such as [1, 3, 5]")
-        return value
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -391,7 +380,7 @@ class DampingTable(Table):
             raise ValueError("gives ratio and measured, expected one of the two")
         if any(b <= a for a, b in pairwise([0.0, *frequencies])) or any(not 0.0 <= one <= 1.0 for one in ratios):
             raise ValueError(
-                f"measured is {self.measured}, expected [frequency in Hz, ratio from 0 to 1], frequencies ascending"
+                f"measured is {self.measured}, expected [frequency in Hz, ratio 0 to 1], frequencies ascending"
             )
         return self
 

@@ -25,7 +25,7 @@ def build(
     ] = "",
     fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of FMI.")] = 2,
     tolerance: Annotated[
-        str, typer.Option(help="Build the plainest model whose error is below this, such as 0.5%.")
+        str, typer.Option(help="Build the plainest model with an error below this, such as 0.5%.")
     ] = "",
     scene: Annotated[
         Path | None, typer.Option("--scene", "-s", help="Loads at which --tolerance counts; default: reference loads.")

@@ -24,7 +24,7 @@ def chart(
         ),
     ],
     body: Annotated[
-        Path | None, typer.Argument(help="Body file (TOML); without it the records are drawn as they are.")
+        Path | None, typer.Argument(help="Body file (TOML); without it the records alone are drawn.")
     ] = None,
     scene: Annotated[Path | None, typer.Option("--scene", "-s", help="Scene file (TOML): loads, tolerance.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to draw (PNG, PDF or SVG).")] = None,

@@ -15,7 +15,7 @@ def fit(
     output: Annotated[Path, typer.Option("--output", "-o", help="Body file to write (TOML).")],
     fmu: Annotated[Path | None, typer.Option(help="FMU to write; default: beside the body file.")] = None,
     verify: Annotated[
-        bool, typer.Option("--verify", help="Compare what was found with the whole finite element model.")
+        bool, typer.Option("--verify", help="Compare the result with the whole finite element model.")
     ] = False,
     jobs: Jobs = 1,
     as_json: Json = False,

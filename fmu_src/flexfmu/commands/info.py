@@ -11,7 +11,7 @@ from .common import Json, reporter
 def info(
     file: Annotated[Path, typer.Argument(help="FMU or modal file.")],
     cost: Annotated[
-        bool, typer.Option("--cost", help="Time a step of every method that the body has the data for.")
+        bool, typer.Option("--cost", help="Time a step of every method that the body has data for.")
     ] = False,
     as_json: Json = False,
 ) -> None:

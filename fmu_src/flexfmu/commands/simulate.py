@@ -16,7 +16,7 @@ def simulate(
     stop: Annotated[float | None, typer.Option(help="End, s; default: the last time in the input.")] = None,
     static_start: Annotated[bool, typer.Option(help="Start in equilibrium under the first loads.")] = False,
     parameter: Annotated[
-        list[str] | None, typer.Option("--set", help="Parameter, NAME=VALUE; may be repeated.")
+        list[str] | None, typer.Option("--set", help="A parameter, NAME=VALUE; may come again.")
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw displacements and rotations (PNG, PDF or SVG).")] = None,
     shape: Annotated[

@@ -39,10 +39,8 @@ def view(
         raise typer.BadParameter("it is a page, and --output another: give one of them", param_hint="--live")
     target = live or output or Path(f"{file.stem}.html")
     settings = parse_parameters(parameter or [])
-    request = Request(
-        file, target, table, tuple(load or ()), modes, colour, scale, method, settings, shapes, live is not None
-    )
-    seen = show(request, reporter())
+    more = modes, colour, scale, method, settings, shapes, live is not None
+    seen = show(Request(file, target, table, tuple(load or ()), *more), reporter())
     for case in seen.view.cases[:1]:
         typer.echo(f"{case.name}: {case.note}")
     show_written(target)

@@ -1,7 +1,10 @@
 """What can go wrong on the build side, and how messages list, count and guess names."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 INTERRUPTED = 130
 """Exit code of a job that Ctrl-C ended, as shells have it."""
@@ -67,6 +70,49 @@ class OutputError(PackagingError):
 
 class SimulationError(FlexfmuError):
     """A simulation cannot be set up, or the FMU refused a step."""
+
+
+class StoppedError(SimulationError):
+    """A run that ended before its time.
+
+    Parameters
+    ----------
+    message : str
+    result : anything
+        What came out until then.
+    interrupted : bool
+        Whether the user ended it.
+    """
+
+    def __init__(self, message: str, result: Any, interrupted: bool = False):
+        super().__init__(message)
+        self.result = result
+        if interrupted:
+            self.exit_code = INTERRUPTED
+
+
+@contextmanager
+def keeping_partial(output: Path, write: Callable[[Path, Any], None]) -> Iterator[None]:
+    """Write what came out of a run that stops beside its output, and say where.
+
+    Parameters
+    ----------
+    output : Path
+    write : callable
+        Of a path and a result.
+
+    Raises
+    ------
+    StoppedError
+        The run stopped.
+    """
+    try:
+        yield
+    except StoppedError as stopped:
+        partial = output.with_suffix(f".partial{output.suffix}")
+        write(partial, stopped.result)
+        stopped.args = (f"{stopped}\nWhat came out until then is in {partial}",)
+        raise
 
 
 def plural(count: int, word: str) -> str:

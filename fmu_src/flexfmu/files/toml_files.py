@@ -4,6 +4,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from math import hypot, inf
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
@@ -21,6 +22,26 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
+
+
+def ascending(words: str) -> AfterValidator:
+    """Return what checks that values of a list ascend; `words` say what they are, with an example.
+
+    Parameters
+    ----------
+    words : str
+
+    Returns
+    -------
+    pydantic.AfterValidator
+    """
+
+    def checked(value: list[float]) -> list[float]:
+        if any(b <= a for a, b in pairwise(value)):
+            raise ValueError(f"is {value}, expected ascending {words}")
+        return value
+
+    return AfterValidator(checked)
 
 
 class Table(BaseModel):

@@ -78,9 +78,8 @@ def result_figure(names: Sequence[str], time: FloatArray, values: FloatArray) ->
         for number, interface, kind, axis in parts:
             if kind == quantity:
                 style = _STYLES[interfaces.index(interface) % len(_STYLES)]
-                (line,) = panel.plot(
-                    time, factor * values[:, number], color=_AXES[axis], linestyle=style, linewidth=1.2
-                )
+                shown = factor * values[:, number]
+                (line,) = panel.plot(time, shown, color=_AXES[axis], linestyle=style, linewidth=1.2)
                 lines.setdefault(f"{interface} {axis}" if len(interfaces) > 1 else axis, line)
         panel.set_ylabel(label)
         panel.grid(alpha=0.3)

@@ -187,9 +187,8 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi:
         }
         binaries |= {f"resources/core/{name}": data for name, data in cores.items()}
         code = {f"pythonfmu/{name}.py": (modules / f"{name}.py").read_bytes() for name in _SLAVE_LIBRARY}
-        code["pythonfmu/__init__.py"] = (
-            f'"""The slave side of pythonfmu {version("pythonfmu")} (MIT licence)."""\n'.encode()
-        )
+        words = f"The slave side of pythonfmu {version('pythonfmu')} (MIT licence)."
+        code["pythonfmu/__init__.py"] = f'"""{words}"""\n'.encode()
         code["python_slave.py"] = Path(__file__).with_name("python_slave.py").read_bytes()
         code["__init__.py"] = b'"""What travels in the FMU."""\n'
     digest = hashlib.sha256()

@@ -10,7 +10,7 @@ from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
 from ..files.array_types import FloatArray
-from ..files.errors import INTERRUPTED, SimulationError, nearest
+from ..files.errors import SimulationError, StoppedError, keeping_partial, nearest
 from ..files.inputs import Kind, check_input
 from ..files.limits import MOST_VALUES
 from ..files.progress import Reporter, ends_on_interrupt
@@ -23,26 +23,6 @@ from .runtime import own_log
 _FMI_DISCARD = 2
 # Share of a load's area over time that communication points may pass over in silence.
 _PASSED_OVER = 0.1
-
-
-class SimulationStoppedError(SimulationError):
-    """A run that ended before its time.
-
-    Parameters
-    ----------
-    message : str
-    outputs : list of str
-    result : (steps + 1, 1 + len(outputs)) float
-        What came out until then: time, then the outputs.
-    interrupted : bool
-        Whether the user ended it.
-    """
-
-    def __init__(self, message: str, outputs: list[str], result: FloatArray, interrupted: bool = False):
-        super().__init__(message)
-        self.outputs, self.result = outputs, result
-        if interrupted:
-            self.exit_code = INTERRUPTED
 
 
 def parse_parameters(settings: Sequence[str]) -> dict[str, object]:
@@ -111,7 +91,7 @@ def simulate(
     ------
     SimulationError
         An unknown input or parameter, more steps than can be kept, an FMU that fails its start, or a file that is none.
-    SimulationStoppedError
+    StoppedError
         A step that the FMU refuses, or Ctrl-C; with what came out until then.
     """
     report = report or Reporter()
@@ -192,7 +172,7 @@ class _Run:
         # fmpy records the state before a refused step once more.
         result = result[np.append(True, np.diff(result[:, 0]) > 0.0)]
         words = f"{self._fmu.name} stopped at {result[-1, 0]:.9g} s of {self._end:g} s: {why}"
-        return SimulationStoppedError(words, self._outputs, result, interrupted)
+        return StoppedError(words, (self._outputs, result), interrupted)
 
 
 def _span(
@@ -223,9 +203,7 @@ def _tell_doubts(
     """Warn of what is allowed, and hardly meant."""
     tolerance = settings.get(STEP_TOLERANCE, 0.0)
     if isinstance(tolerance, int | float) and tolerance >= 1.0:
-        report.warning(
-            f"{STEP_TOLERANCE} = {tolerance:g} accepts any error of a step; expected a share below 1, such as 1e-4"
-        )
+        report.warning(f"{STEP_TOLERANCE} = {tolerance:g} accepts any error; expected a share below 1, such as 1e-4")
     last = float(loads[-1, 0])
     if end > last and len(loads) > 1:
         report.warning(f"the run ends at {end:g} s, its table at {last:g} s: the last loads are held from there on")
@@ -347,13 +325,8 @@ def simulate_csv(
     """
     check_target(output, (".csv",), inputs=(fmu, loads))
     names, values = read_table(loads)
-    try:
+    with keeping_partial(output, lambda path, came: write_table(path, *came)):
         outputs, result = simulate(fmu, names, values, step=step, stop=stop, parameters=parameters, report=report)
-    except SimulationStoppedError as stopped:
-        partial = output.with_suffix(f".partial{output.suffix}")
-        write_table(partial, stopped.outputs, stopped.result)
-        stopped.args = (f"{stopped}\nWhat came out until then is in {partial}",)
-        raise
     write_table(output, outputs, result)
     return outputs, result
 

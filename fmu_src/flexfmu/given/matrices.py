@@ -86,9 +86,7 @@ def _matrix(given: Any, title: str) -> FloatArray:
     if value.ndim != 2 or value.shape[0] != value.shape[1] or not value.size or not np.isfinite(value).all():
         raise MatrixError(f"{title} has shape {value.shape}, expected a square matrix of finite numbers")
     if np.abs(value - value.T).max() > _ASYMMETRIC * np.abs(value).max():
-        raise MatrixError(
-            f"{title} is not symmetric: one triangle alone? expected both, or a symmetric Matrix Market file"
-        )
+        raise MatrixError(f"{title} is not symmetric: one triangle alone? give both, or a symmetric Matrix Market file")
     return np.asarray(0.5 * (value + value.T))
 
 

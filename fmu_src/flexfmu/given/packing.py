@@ -146,9 +146,8 @@ def pack_file(
     if not interfaces:
         there = ", ".join(given.sets) or "none"
         raise BodyFileError(f"no interface: give --interface NAME=SET, which may be repeated; sets of {file}: {there}")
-    named = {
-        first.strip(): (second or first).strip() for first, _, second in (text.partition("=") for text in interfaces)
-    }
+    pairs = (text.partition("=") for text in interfaces)
+    named = {name.strip(): (nodes or name).strip() for name, _, nodes in pairs}
     return pack(
         given, named, supports, method=method, frames=frames, damping=damping, name=name, report=report
     )  # fmt: skip
@@ -309,9 +308,8 @@ def _subdomains(
             "frames ([[frame]] tables), or frames = 1"
         )
     if options.frames:
-        wanted = requested_subdomains(
-            model.mesh, np.flatnonzero(model.fixed.any(axis=1)), frame_requests(options, model.mesh)
-        )
+        held, asked = np.flatnonzero(model.fixed.any(axis=1)), frame_requests(options, model.mesh)
+        wanted = requested_subdomains(model.mesh, held, asked)
         return floating + [replace(domain, parent=domain.parent + len(floating)) for domain in wanted]
     if floating or options.levels == 0:
         return floating

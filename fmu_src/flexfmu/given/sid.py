@@ -245,9 +245,8 @@ def read_sid(path: str | Path, name: str | None = None) -> ReducedBody:
     rate = np.sqrt(squares)
     points = {f"node_{number}": point[:, 0] for (number, _), (point, _, _) in zip(nodes, ends, strict=True)}
     moved = np.array([np.concatenate([moved @ vectors, turned @ vectors]) for _, moved, turned in ends])
-    use = linear_use(
-        name or re.sub(r"\W", "_", source.stem), np.maximum(modal / (2.0 * rate), 0.0), {"sid_fem": source.name}
-    )
+    ratio = np.maximum(modal / (2.0 * rate), 0.0)
+    use = linear_use(name or re.sub(r"\W", "_", source.stem), ratio, {"sid_fem": source.name})
     return made_body(use, **motion_of_interfaces(rate, points, moved))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..files.array_types import FloatArray
-from ..files.errors import INTERRUPTED, SimulationError
+from ..files.errors import SimulationError, StoppedError, keeping_partial
 from ..files.limits import MOST_VALUES
 from ..files.plain_data import picture_html
 from ..files.progress import Reporter, Tell, ends_on_interrupt
@@ -186,25 +186,6 @@ def write_result(path: Path, result: Result) -> None:
 _PATIENCE = 0.02
 
 
-class CouplingStoppedError(SimulationError):
-    """A run that ended before its time.
-
-    Parameters
-    ----------
-    message : str
-    result : Result
-        What came out until then.
-    interrupted : bool
-        Whether the user ended it.
-    """
-
-    def __init__(self, message: str, result: Result, interrupted: bool = False):
-        super().__init__(message)
-        self.result = result
-        if interrupted:
-            self.exit_code = INTERRUPTED
-
-
 def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
     """Run coupled FMUs.
 
@@ -221,7 +202,7 @@ def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
     ------
     SimulationError
         The coupling cannot be, or an FMU fails its start; nothing has run.
-    CouplingStoppedError
+    StoppedError
         An FMU refused or failed a step, the coupled inputs did not settle, or Ctrl-C; with what came out until then.
     """
     report = report or Reporter()
@@ -294,15 +275,15 @@ def _march(
             if pressed() and done.steps < settings.steps:
                 loop.ask("record")
                 at = f"stopped at {done.steps * settings.step:.9g} s of {settings.stop:g} s: ended by Ctrl-C"
-                raise CouplingStoppedError(at, result(), interrupted=True)
+                raise StoppedError(at, result(), interrupted=True)
             spent = time.perf_counter() - begun
             count = 2 * count if spent < 0.5 * _PATIENCE else max(count // 2, 1) if spent > _PATIENCE else count
-    except CouplingStoppedError:
+    except StoppedError:
         raise
     except SimulationError as error:
         told = FED in str(error) or done.feeds <= 0
         at = f"stopped at {done.steps * settings.step:.9g} s: {error}" + ("" if told else f"\n{FED}")
-        raise CouplingStoppedError(at, result()) from error
+        raise StoppedError(at, result()) from error
     words.end(done)
     return result()
 
@@ -332,12 +313,7 @@ def run(path: Path, output: Path, report: Reporter) -> Result:
     coupling = read_coupling_file(path)
     tables = [fmu.input for fmu in coupling.fmu if fmu.input is not None]
     check_target(output, SUFFIXES, inputs=(path, *(fmu.file for fmu in coupling.fmu), *tables))
-    try:
+    with keeping_partial(output, write_result):
         result = couple(coupling, report)
-    except CouplingStoppedError as stopped:
-        partial = output.with_suffix(f".partial{output.suffix}")
-        write_result(partial, stopped.result)
-        stopped.args = (f"{stopped}\nWhat came out until then is in {partial}",)
-        raise
     write_result(output, result)
     return result

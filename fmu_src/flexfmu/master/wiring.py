@@ -11,20 +11,12 @@ from ..files.errors import SimulationError, nearest
 from ..files.tables import read_table
 from ..files.toml_files import orthonormal
 from ..files.units import QUANTITIES
+from . import layout
 from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, SpringTable, StartValue
-from .layout import (
-    Description,
-    EndResponse,
-    Ends,
-    Recorded,
-    Role,
-    SignalTable,
-    Springs,
-    Wiring,
-    read_description,
-    split,
-    units_differ,
-)
+from .layout import Description
+
+Places = Mapping[tuple[str, str], int]
+"""Of variables, by FMU and name."""
 
 AXES = ("x", "y", "z")
 ROWS = ("ux", "uy", "uz", "rx", "ry", "rz")
@@ -82,7 +74,7 @@ def end_names(
             if text is None:
                 continue
             key = f"spring {number}, {side}"
-            description, interface = split(text, descriptions, key)
+            description, interface = layout.split(text, descriptions, key)
             for quantity in ("displacement", "force"):
                 _check_vector(description, interface, quantity, key)
             turns = _group(description, f"{interface}.rotation") and _group(description, f"{interface}.moment")
@@ -130,9 +122,9 @@ def _group(description: Description, name: str) -> bool:
 def lay_ends(
     ends: tuple[str, ...],
     descriptions: Mapping[str, Description],
-    input_place: Mapping[tuple[str, str], int],
-    signal_place: Mapping[tuple[str, str], int],
-) -> Ends:
+    input_place: Places,
+    signal_place: Places,
+) -> layout.Ends:
     """Places of the ends' variables.
 
     Parameters
@@ -149,10 +141,10 @@ def lay_ends(
     """
     order = list(descriptions)
 
-    def places(place: Mapping[tuple[str, str], int], quantities: Sequence[str]) -> IntArray:
+    def places(place: Places, quantities: Sequence[str]) -> IntArray:
         return np.array([_places(place, text, quantities) for text in ends], dtype=np.int64).reshape(len(ends), 6)
 
-    return Ends(
+    return layout.Ends(
         ends,
         np.array([order.index(text.partition(".")[0]) for text in ends], dtype=np.int64),
         places(signal_place, _MOTION),
@@ -163,9 +155,9 @@ def lay_ends(
 
 def lay_responses(
     descriptions: Mapping[str, Description],
-    fed_place: Mapping[tuple[str, str], int],
-    signal_place: Mapping[tuple[str, str], int],
-) -> tuple[EndResponse, ...]:
+    fed_place: Places,
+    signal_place: Places,
+) -> tuple[layout.EndResponse, ...]:
     """Compliance that FMUs offer of interfaces whose motion the coupling reads to those that it loads.
 
     Parameters
@@ -190,18 +182,18 @@ def lay_responses(
                 references = tuple(int(there[name].valueReference) for name in names)
                 motion, rates = _places(signal_place, a, _MOTION), _places(signal_place, a, _RATES)
                 loads = _places(fed_place, b, _LOADS)
-                found.append(EndResponse(a, b, order.index(fmu), references, motion, rates, loads))
+                found.append(layout.EndResponse(a, b, order.index(fmu), references, motion, rates, loads))
     return tuple(found)
 
 
-def _places(place: Mapping[tuple[str, str], int], text: str, quantities: Sequence[str]) -> IntArray:
+def _places(place: Places, text: str, quantities: Sequence[str]) -> IntArray:
     """Places (6,) of the components of two vectors of an interface."""
     fmu, _, interface = text.partition(".")
     names = [f"{interface}.{quantity}.{axis}" for quantity in quantities for axis in AXES]
     return np.array([place.get((fmu, name), -1) for name in names], dtype=np.int64)
 
 
-def _interfaces(place: Mapping[tuple[str, str], int], quantities: Sequence[str]) -> list[str]:
+def _interfaces(place: Places, quantities: Sequence[str]) -> list[str]:
     """Interfaces of which components of some vectors are among the variables."""
     found: dict[str, None] = {}
     for fmu, name in place:
@@ -212,7 +204,7 @@ def _interfaces(place: Mapping[tuple[str, str], int], quantities: Sequence[str])
     return list(found)
 
 
-def lay_springs(springs: list[SpringTable], ends: tuple[str, ...]) -> Springs:
+def lay_springs(springs: list[SpringTable], ends: tuple[str, ...]) -> layout.Springs:
     """Springs between the ends.
 
     Parameters
@@ -225,7 +217,7 @@ def lay_springs(springs: list[SpringTable], ends: tuple[str, ...]) -> Springs:
     -------
     Springs
     """
-    return Springs(
+    return layout.Springs(
         np.array([ends.index(spring.a) for spring in springs], dtype=np.int64),
         np.array([len(ends) if spring.b is None else ends.index(spring.b) for spring in springs], dtype=np.int64),
         np.array([spring.stiffness for spring in springs], dtype=np.float64).reshape(-1, 6),
@@ -238,7 +230,7 @@ _SETTABLE = ("input", "parameter")
 _VALUES: dict[str, Any] = {"Real": (int, float), "Integer": int, "Enumeration": int, "Boolean": bool, "String": str}
 
 
-def wire(coupling: CouplingFile) -> Wiring:
+def wire(coupling: CouplingFile) -> layout.Wiring:
     """Check a coupling against the FMUs' descriptions and lay it out.
 
     Parameters
@@ -254,7 +246,7 @@ def wire(coupling: CouplingFile) -> Wiring:
     SimulationError
         A name, type or unit that does not fit, an input fed twice, or an FMU that cannot do what the scheme needs.
     """
-    descriptions = {fmu.name: read_description(fmu.name, fmu.file) for fmu in coupling.fmu}
+    descriptions = {fmu.name: layout.read_description(fmu.name, fmu.file) for fmu in coupling.fmu}
     inputs, signals = Shares(descriptions), Shares(descriptions)
     starts = {fmu.name: _start_values(descriptions[fmu.name], fmu.start) for fmu in coupling.fmu}
     tables = {fmu.name: _table(descriptions[fmu.name], fmu, inputs) for fmu in coupling.fmu if fmu.input is not None}
@@ -278,17 +270,14 @@ def wire(coupling: CouplingFile) -> Wiring:
     base[[input_place[pair] for pair in (*linked, *tabled)]] = 0.0
     coupled = np.any(matrix != 0.0, axis=1)
     coupled[laid_ends.loads[laid_ends.loads >= 0]] = True
-    return Wiring(
+    return layout.Wiring(
         roles=tuple(_roles(descriptions, starts, inputs, signals)),
         input_names=tuple(f"{fmu}.{name}" for fmu, name in input_place),
         kind=_kinds(descriptions, input_place, laid_ends),
         base=base,
         coupled=coupled,
         matrix=matrix,
-        tables=tuple(
-            SignalTable(rows[:, 0], rows[:, 1:], np.array([input_place[fmu, name] for name in names], dtype=np.int64))
-            for fmu, (names, rows) in tables.items()
-        ),
+        tables=tuple(_fed(rows, [input_place[fmu, n] for n in names]) for fmu, (names, rows) in tables.items()),
         springs=lay_springs(coupling.spring, ends),
         ends=laid_ends,
         responses=lay_responses(
@@ -299,20 +288,24 @@ def wire(coupling: CouplingFile) -> Wiring:
     )
 
 
+def _fed(rows: FloatArray, places: list[int]) -> layout.SignalTable:
+    return layout.SignalTable(rows[:, 0], rows[:, 1:], np.array(places, dtype=np.int64))
+
+
 def _roles(
     descriptions: Mapping[str, Description],
     starts: Mapping[str, Mapping[str, StartValue]],
     inputs: Shares,
     signals: Shares,
-) -> list[Role]:
-    roles: list[Role] = []
+) -> list[layout.Role]:
+    roles: list[layout.Role] = []
     first_input = first_signal = 0
     for name, description in descriptions.items():
         references = [
             tuple(int(description.variables[variable].valueReference) for variable in shares.of(name))
             for shares in (inputs, signals)
         ]
-        roles.append(Role(description, starts[name], references[0], references[1], first_input, first_signal))
+        roles.append(layout.Role(description, starts[name], references[0], references[1], first_input, first_signal))
         first_input += len(references[0])
         first_signal += len(references[1])
     return roles
@@ -353,8 +346,8 @@ def _link(
 ) -> tuple[Description, str, Description, str]:
     """A connection's ends, checked."""
     key = f"connection {number}"
-    source, output = split(link.source, descriptions, f"{key}, from")
-    target, name = split(link.target, descriptions, f"{key}, to")
+    source, output = layout.split(link.source, descriptions, f"{key}, from")
+    target, name = layout.split(link.target, descriptions, f"{key}, to")
     giver, taker = source.variable(output, f"{key}, from"), target.variable(name, f"{key}, to")
     if giver.causality not in ("output", "local"):
         raise SimulationError(f"{key}: {link.source} is of causality {giver.causality}, expected an output")
@@ -363,7 +356,7 @@ def _link(
     for text, variable in ((link.source, giver), (link.target, taker)):
         if variable.type != "Real":
             raise SimulationError(f"{key}: {text} is of type {variable.type}; only Real variables can be connected")
-    if link.factor is None and units_differ(source, output, target, name):
+    if link.factor is None and layout.units_differ(source, output, target, name):
         raise SimulationError(
             f"{key}: {link.source} is in {source.unit(output)}, {link.target} in {target.unit(name)}; connect "
             "variables of one unit, or give the factor that turns the one into the other"
@@ -397,7 +390,7 @@ def _base(description: Description, name: str, start: Mapping[str, StartValue]) 
     return 0.0 if value is None else float(value)
 
 
-def _kinds(descriptions: Mapping[str, Description], input_place: Mapping[tuple[str, str], int], ends: Ends) -> IntArray:
+def _kinds(descriptions: Mapping[str, Description], input_place: Places, ends: layout.Ends) -> IntArray:
     """Number of each input's kind: those of one unit, and all loads of springs, N and N m alike."""
     kinds: dict[str, int] = {"load": 0}
     result = [kinds.setdefault(descriptions[fmu].unit(name) or "", len(kinds)) for fmu, name in input_place]
@@ -406,7 +399,7 @@ def _kinds(descriptions: Mapping[str, Description], input_place: Mapping[tuple[s
     return found
 
 
-def _recorded(variables: list[str] | None, descriptions: Mapping[str, Description]) -> tuple[Recorded, ...]:
+def _recorded(variables: list[str] | None, descriptions: Mapping[str, Description]) -> tuple[layout.Recorded, ...]:
     """Variables of the results; without a choice all Real outputs."""
     order = list(descriptions)
     if variables is None:
@@ -416,12 +409,12 @@ def _recorded(variables: list[str] | None, descriptions: Mapping[str, Descriptio
             for v in description.variables.values()
             if v.causality == "output" and v.type == "Real"
         ]
-    result: dict[str, Recorded] = {}
+    result: dict[str, layout.Recorded] = {}
     for text in variables:
-        description, name = split(text, descriptions, "output.variables")
+        description, name = layout.split(text, descriptions, "output.variables")
         variable = description.variable(name, "output.variables")
         if variable.type not in ("Real", "Integer", "Boolean"):
             raise SimulationError(f"output.variables: {text} is of type {variable.type}, expected a number")
-        reference = int(variable.valueReference)
-        result[text] = Recorded(text, description.unit(name), order.index(description.name), reference, variable.type)
+        reference, role = int(variable.valueReference), order.index(description.name)
+        result[text] = layout.Recorded(text, description.unit(name), role, reference, variable.type)
     return tuple(result.values())

@@ -7,34 +7,8 @@ from enum import Enum
 import numpy as np
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.mesh.shapes import (
-    BRICK_8,
-    BRICK_20,
-    FACE_SHAPES,
-    RECTANGLE_4,
-    RECTANGLE_9,
-    SHEET_3,
-    SHEET_4,
-    SHEET_6,
-    SHEET_9,
-    TETRAHEDRON_4,
-    TETRAHEDRON_10,
-    TRIANGLE_3,
-    TRIANGLE_6,
-    WEDGE_6,
-    WEDGE_15,
-    Quadrature,
-    Shape,
-    Sheet,
-    StrainRule,
-    beam_rule,
-    brick_rule,
-    prism_rule,
-    rectangle_rule,
-    shell_rule,
-    tetrahedron_rule,
-    wedge_rule,
-)
+from flexfmu.mesh import shapes
+from flexfmu.mesh.shapes import Quadrature, Shape, Sheet, StrainRule, prism_rule, rectangle_rule, shell_rule
 
 
 class ElementType(Enum):
@@ -61,19 +35,27 @@ class ElementType(Enum):
         Whether its stiffness is that of natural strains: a shell or a beam.
     """
 
-    C3D4 = "C3D4", TETRAHEDRON_4, tetrahedron_rule(1), tetrahedron_rule(2)
-    C3D6 = "C3D6", WEDGE_6, wedge_rule(1, 2), wedge_rule(2, 2)
-    C3D8 = "C3D8", BRICK_8, brick_rule(2), brick_rule(2), False
-    C3D8I = "C3D8I", BRICK_8, brick_rule(2), brick_rule(2), True, True
-    C3D10 = "C3D10", TETRAHEDRON_10, tetrahedron_rule(2), tetrahedron_rule(4)
-    C3D15 = "C3D15", WEDGE_15, wedge_rule(2, 3), wedge_rule(5, 3)
-    C3D20 = "C3D20", BRICK_20, brick_rule(3), brick_rule(3), False
-    C3D20R = "C3D20R", BRICK_20, brick_rule(2), brick_rule(2)
-    S3 = "S3", SHEET_3, shell_rule(TRIANGLE_3), wedge_rule(2, 2), False, False, True
-    S4 = "S4", SHEET_4, shell_rule(RECTANGLE_4), brick_rule(2), False, False, True
-    S6 = "S6", SHEET_6, shell_rule(TRIANGLE_6), wedge_rule(5, 2), False, False, True
-    S8 = "S8", SHEET_9, shell_rule(RECTANGLE_9), prism_rule(rectangle_rule(), 2), False, False, True
-    B31 = "B31", BRICK_8, beam_rule(), brick_rule(2), False, False, False, True
+    C3D4 = "C3D4", shapes.TETRAHEDRON_4, shapes.tetrahedron_rule(1), shapes.tetrahedron_rule(2)
+    C3D6 = "C3D6", shapes.WEDGE_6, shapes.wedge_rule(1, 2), shapes.wedge_rule(2, 2)
+    C3D8 = "C3D8", shapes.BRICK_8, shapes.brick_rule(2), shapes.brick_rule(2), False
+    C3D8I = "C3D8I", shapes.BRICK_8, shapes.brick_rule(2), shapes.brick_rule(2), True, True
+    C3D10 = "C3D10", shapes.TETRAHEDRON_10, shapes.tetrahedron_rule(2), shapes.tetrahedron_rule(4)
+    C3D15 = "C3D15", shapes.WEDGE_15, shapes.wedge_rule(2, 3), shapes.wedge_rule(5, 3)
+    C3D20 = "C3D20", shapes.BRICK_20, shapes.brick_rule(3), shapes.brick_rule(3), False
+    C3D20R = "C3D20R", shapes.BRICK_20, shapes.brick_rule(2), shapes.brick_rule(2)
+    S3 = "S3", shapes.SHEET_3, shell_rule(shapes.TRIANGLE_3), shapes.wedge_rule(2, 2), False, False, True
+    S4 = "S4", shapes.SHEET_4, shell_rule(shapes.RECTANGLE_4), shapes.brick_rule(2), False, False, True
+    S6 = "S6", shapes.SHEET_6, shell_rule(shapes.TRIANGLE_6), shapes.wedge_rule(5, 2), False, False, True
+    S8 = (
+        "S8",
+        shapes.SHEET_9,
+        shell_rule(shapes.RECTANGLE_9),
+        prism_rule(rectangle_rule(), 2),
+        False,
+        False,
+        True,
+    )
+    B31 = "B31", shapes.BRICK_8, shapes.beam_rule(), shapes.brick_rule(2), False, False, False, True
 
     def __new__(cls, name: str, *_: object) -> "ElementType":
         """Let the name be the value."""
@@ -230,7 +212,7 @@ class FaceBlock:
 
 def face_corners(nodes: IntArray) -> int:
     """Number of corners of faces (f, k)."""
-    return len(FACE_SHAPES[nodes.shape[1]].polytope.corners)
+    return len(shapes.FACE_SHAPES[nodes.shape[1]].polytope.corners)
 
 
 def faces_of(blocks: Sequence[ElementBlock]) -> tuple[FaceBlock, ...]:

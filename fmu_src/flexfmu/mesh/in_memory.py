@@ -300,9 +300,7 @@ def _turned(found: Any, points: FloatArray, places: Sequence[int]) -> list[str]:
             data = np.array(block.data)
             data[inverted] = data[inverted][:, shape.mirrored]
             block.data = data
-    return (
-        [f"{count} elements are numbered the other way round (mirrored): their node order was turned"] if count else []
-    )
+    return [f"{count} elements are numbered the other way round: their node order was turned"] if count else []
 
 
 def as_mesh(given: object, units: UnitSystem) -> Mesh:

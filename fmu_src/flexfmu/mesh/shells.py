@@ -236,9 +236,7 @@ def _notes(blocks: tuple[ElementBlock, ...], lines: int, knots: int, shared: int
     """What shells have become."""
     found = [f"{lines} lines through the thickness of shells, {knots} knots"]
     if triangles := sum(len(block.labels) for block in blocks if block.type is ElementType.S3):
-        found.append(
-            f"{triangles} triangles (S3) have constant strain in their plane, and bend stiffly in it: take S4 there"
-        )
+        found.append(f"{triangles} triangles (S3) have constant strain in their plane, too stiff in it: take S4 there")
     if shared:
         found.append(
             f"shells share {shared} nodes with solids, which have no rotations: they move together there, and may turn "

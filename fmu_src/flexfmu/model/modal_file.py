@@ -220,7 +220,7 @@ def _read_body(group: Any, attributes: Any) -> ReducedBody:
     """The arrays of a body, and of the shadow in its group, which is used as the body is."""
     contents = _read_entries(group, BODY)
     contents |= {
-        part.attribute: part.kind(**_read_entries(group, part.entries)) for part in GROUPS if part.attribute in group
+        one.attribute: one.kind(**_read_entries(group, one.entries)) for one in GROUPS if one.attribute in group
     }
     if "shadow" in group:
         contents["shadow"] = Shadow(_read_body(group["shadow"], attributes), **_read_entries(group, SHADOW))

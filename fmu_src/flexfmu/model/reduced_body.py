@@ -6,23 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
-from .arrays import (
-    BODY,
-    INERTIA,
-    MASSES,
-    MEMBRANE,
-    POLYNOMIAL,
-    PROPERTIES,
-    SECOND,
-    SHADOW,
-    STRESS,
-    SURFACE,
-    TIES,
-    WHOLE,
-    Entry,
-    in_single,
-    settle,
-)
+from . import arrays
+from .arrays import Entry, in_single, settle
 from .errors import ModalFileError
 from .inertia import LumpedMass, MassPolynomial
 from .membrane import Membrane
@@ -353,15 +338,15 @@ class ReducedBody:
         sizes["L"] = 6 * sizes["I"] + (0 if self.masses is None else 3)
         sizes["K"] = sizes["S"] + sizes["I"] + (0 if self.masses is None else np.size(self.masses.mass))
         sizes["K"] += 0 if self.ties is None else 2 * len(self.ties.stiffness)
-        settle(self, BODY, sizes)
+        settle(self, arrays.BODY, sizes)
         for part in GROUPS:
             value = getattr(self, part.attribute)
             if value is not None:
                 settle(value, part.entries, sizes, part.attribute)
         for stresses in self.stress_sets:
-            settle(stresses, STRESS, sizes, f"stress set {stresses.name!r}")
+            settle(stresses, arrays.STRESS, sizes, f"stress set {stresses.name!r}")
         if self.shadow is not None:
-            settle(self.shadow, SHADOW, {"m": sizes["m"], "M": self.shadow.body.mode_count}, "shadow")
+            settle(self.shadow, arrays.SHADOW, {"m": sizes["m"], "M": self.shadow.body.mode_count}, "shadow")
         self._check_physics()
 
     def _check_physics(self) -> None:
@@ -389,9 +374,7 @@ class ReducedBody:
         if self.mass not in masses_of(self.method):
             raise ModalFileError(f'mass is "{self.mass.value}", which method "{self.method.value}" does not know')
         if not set(self.compliance_interfaces) <= set(self.interface_names):
-            raise ModalFileError(
-                f"compliance_interfaces are {self.compliance_interfaces}, expected names of interfaces"
-            )
+            raise ModalFileError(f"compliance_interfaces are {self.compliance_interfaces}, expected interfaces")
         if not set(self.following_interfaces) <= set(self.interface_names):
             raise ModalFileError(f"following_interfaces are {self.following_interfaces}, expected names of interfaces")
         if not GROUND <= self.root_interface < self.interface_count:
@@ -487,14 +470,14 @@ class Group:
 
 
 GROUPS = (
-    Group("whole", WholeFrame, WHOLE),
-    Group("masses", Masses, MASSES),
-    Group("inertia", LumpedMass, INERTIA),
-    Group("polynomial", MassPolynomial, POLYNOMIAL),
-    Group("ties", Ties, TIES),
-    Group("second", SecondOrder, SECOND),
-    Group("membrane", Membrane, MEMBRANE),
-    Group("properties", Properties, PROPERTIES),
-    Group("surface", Surface, SURFACE),
+    Group("whole", WholeFrame, arrays.WHOLE),
+    Group("masses", Masses, arrays.MASSES),
+    Group("inertia", LumpedMass, arrays.INERTIA),
+    Group("polynomial", MassPolynomial, arrays.POLYNOMIAL),
+    Group("ties", Ties, arrays.TIES),
+    Group("second", SecondOrder, arrays.SECOND),
+    Group("membrane", Membrane, arrays.MEMBRANE),
+    Group("properties", Properties, arrays.PROPERTIES),
+    Group("surface", Surface, arrays.SURFACE),
 )
 """Those that are there only where a body was built with them; stress sets have a group each."""

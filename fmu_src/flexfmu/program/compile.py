@@ -220,7 +220,5 @@ def compile_program(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTAN
 
 def _given(values: FloatArray | None, data: Data) -> FloatArray:
     if values is None:
-        raise OptionError(
-            f"the method needs data that this body was built without: build it with {ASKED_BY[data]} in [reduction]"
-        )
+        raise OptionError(f"the method needs data that this body lacks: build it with {ASKED_BY[data]} in [reduction]")
     return values

@@ -90,9 +90,7 @@ class SpringReading:
         self.spring = spring
         for nodes in spring.ends:
             if nodes.size > _MOST_AVERAGED:
-                raise ModelError(
-                    f"{spring.name} acts on {nodes.size} nodes, at most {_MOST_AVERAGED}: take every few of them"
-                )
+                raise ModelError(f"{spring.name} acts on {nodes.size} nodes, at most {_MOST_AVERAGED}: take fewer")
         self.ends = [End(points, nodes, place) for nodes, place in zip(spring.ends, spring.places, strict=True)]
         self.length = float(np.linalg.norm(spring.places[0] - spring.places[1]))
         self.nodes = np.concatenate(spring.ends)

@@ -185,9 +185,7 @@ def _supported_distance(mesh: Mesh, supported: IntArray) -> FloatArray:
         raise BodyFileError("the division counts from the supports, and the body has none that holds a node")
     distance = distance_along(mesh, supported)
     if not np.all(np.isfinite(distance)):
-        raise MeshError(
-            f"{int(np.sum(~np.isfinite(distance)))} nodes are not connected to any support: it is in several parts"
-        )
+        raise MeshError(f"{int(np.sum(~np.isfinite(distance)))} nodes are not connected to any support: several parts")
     return distance
 
 

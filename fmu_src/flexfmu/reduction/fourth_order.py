@@ -164,9 +164,8 @@ class FourthOrder:
         model, mesh = self.matrices.supported, self._mesh
         # Forces of springs to the ground keep their axes.
         applied = model.applied(fields) - self.matrices.model.springs @ fields
-        with self.matrices.report.counted(
-            f"Flattening of {len(pairs)} pairs of motions", mesh.element_count, "elements"
-        ) as tell:
+        title = f"Flattening of {len(pairs)} pairs of motions"
+        with self.matrices.report.counted(title, mesh.element_count, "elements") as tell:
             forces = turned_stress(mesh, fields, applied, pairs, tell)
         return model.forces(without_resultants(mesh.points, forces, self._slices))
 

@@ -204,7 +204,7 @@ class Stretching:
         turned = np.sqrt(np.einsum("ap,ab,bp->p", found, self._spin, found))
         found = found[:, self._fourth.turns(forces @ np.array(pairs).T) > _SHOWN * turned]
         shapes, sizes, _ = np.linalg.svd(found, full_matrices=False)
-        return shapes[:, sizes > _SAME * sizes.max(initial=0.0)]
+        return shapes[:, sizes > _SAME * sizes[:1]]
 
 
 def membrane_energy(

@@ -71,9 +71,7 @@ def completed(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, tuple[str, ...]]:
             lacking = [key for key in missing(material) if getattr(rest, key) is not None]
             materials[place] = _with(material, rest, lacking, units)
             if lacking:
-                notes.append(
-                    f"[material]: {', '.join(lacking)} of {material.name!r}, which the mesh file does not tell"
-                )
+                notes.append(f"[material]: {', '.join(lacking)} of {material.name!r}, which the mesh does not tell")
     blocks, bare = mesh.blocks, elements_without_material(mesh)
     if bare:
         if rest is None or any(getattr(rest, key) is None for key in KEYS):

@@ -269,7 +269,7 @@ def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
     start = inverse(m @ np.random.default_rng(0).standard_normal(model.free.size))
     operator = spla.LinearOperator(k.shape, matvec=inverse, dtype=np.float64)
     try:
-        _, vectors = spla.eigsh(k, k=asked, M=m, sigma=0.0, OPinv=operator, v0=start, ncv=max(2 * asked + 1, 20))
+        _, vectors = spla.eigsh(k, k=asked, M=m, sigma=0.0, OPinv=operator, v0=start)
     except spla.ArpackError as error:
         raise AccuracyError(f"the eigenvalue iteration failed ({error}); ask for fewer modes") from error
     # One Rayleigh-Ritz step removes what is left of the iteration's lack of orthogonality.
@@ -325,7 +325,7 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
     masses = np.einsum("ij,ij->j", vectors, m @ vectors)
     if not np.all(masses > 0.0):
         raise AccuracyError(
-            "some modes have no mass, since a C3D20R element has it at eight points alone: ask for fewer modes"
+            "some modes have no mass: a C3D20R element has it at eight points alone; ask for fewer modes"
         )
     vectors = vectors / np.sqrt(masses)
     try:

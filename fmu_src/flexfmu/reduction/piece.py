@@ -299,7 +299,7 @@ def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[
             )
     if interface.frame < 0 and subdomains:
         report.warning(
-            f"interface {interface.name!r} touches no frame: it will move linearly; put its nodes into a [[frame]]"
+            f"interface {interface.name!r} touches no frame and moves linearly; put its nodes into a [[frame]]"
         )
 
 

@@ -35,9 +35,7 @@ def attachment(points: FloatArray, one: PointMass) -> FloatArray:
         It hangs on more nodes than its matrix can be held of.
     """
     if one.nodes.size > _NODES:
-        raise ModelError(
-            f"mass {one.name!r} hangs on {one.nodes.size} nodes, expected {_NODES} at most: couple it to fewer nodes"
-        )
+        raise ModelError(f"mass {one.name!r} hangs on {one.nodes.size} nodes, at most {_NODES}: couple it to fewer")
     return rigid_fit(points, by_node(one.nodes), one.point)[0]
 
 

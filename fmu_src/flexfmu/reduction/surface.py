@@ -38,6 +38,22 @@ def surface_nodes(mesh: Mesh) -> tuple[IntArray, IntArray]:
     return nodes, index.reshape(-1, 4)
 
 
+def face_normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Unit normals (f, 3) of faces (f, 4), triangles with their last corner twice; zero of those without area."""
+    ring = points[faces]
+    last = np.where((faces[:, 2] == faces[:, 3])[:, None], ring[:, 0], ring[:, 3])
+    normal = np.cross(ring[:, 2] - ring[:, 0], last - ring[:, 1])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    return normal / np.where(length > 0.0, length, 1.0)
+
+
+def face_edges(faces: IntArray) -> tuple[IntArray, IntArray]:
+    """Ends (e, 2), ascending, of the edges of faces (f, 4), and the face (e,) of each."""
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    real = ends[:, 0] != ends[:, 1]
+    return ends[real], np.repeat(np.arange(len(faces)), 4)[real]
+
+
 def carrying_frames(count: int, subdomains: Sequence[Subdomain]) -> IntArray:
     """The frame that carries each of `count` nodes, or `GROUND`."""
     frame = np.full(count, GROUND)

@@ -69,9 +69,9 @@ def watched_material(
 def _motions(omega: FloatArray, forces: FloatArray) -> FloatArray:
     """Modal coordinates (m, k) of motions that a body may make, each of the same energy."""
     elastic = omega > 0.0
-    stiffness = np.where(elastic, omega, 1.0)[:, None]
+    stiffness = np.where(elastic, omega, np.inf)[:, None]
     # In coordinates whose square is the energy.
-    static = np.where(elastic[:, None], forces / stiffness, 0.0)
+    static = forces / stiffness
     static = static[:, np.linalg.norm(static, axis=0) > 0.0]
     modes = np.diag(elastic / np.arange(1.0, omega.size + 1.0))[:, elastic]
     unit = static / np.linalg.norm(static, axis=0)

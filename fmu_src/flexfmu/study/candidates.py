@@ -73,9 +73,8 @@ class Candidate:
     @property
     def limits(self) -> StepLimits:
         """The internal step as the body takes it."""
-        return (
-            StepLimits() if self.internal_step == EXACT else StepLimits(tolerance=min(self.internal_step, _ANY_ERROR))
-        )
+        exact = self.internal_step == EXACT
+        return StepLimits() if exact else StepLimits(tolerance=min(self.internal_step, _ANY_ERROR))
 
 
 def candidates(scene: Scene) -> list[Candidate]:

@@ -18,18 +18,8 @@ from ..model.methods import Mass, Method, Variant, has_frames, masses_of
 from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen
 from ..reduction.cut.loop_choice import cut_loops
-from .candidates import (
-    BASES,
-    GIVEN,
-    Candidate,
-    Reduction,
-    frames_words,
-    has_meaning,
-    linear_frames,
-    offered_frames,
-    reduction_config,
-    times,
-)
+from . import candidates
+from .candidates import Candidate, Reduction
 from .fitted import Fit, body_text
 from .scene.config import BasisChoice
 from .scene.reference import SceneErrors
@@ -71,7 +61,7 @@ class Choice:
     def words(self) -> str:
         """Its basis, size and cost."""
         cost = f", {1e6 * self.cost:.3g} µs" if math.isfinite(self.cost) else ""
-        basis = BASES[self.reduction.basis.value]
+        basis = candidates.BASES[self.reduction.basis.value]
         return f"{basis} {self.reduction.modes} ({plural(self.body.mode_count, 'coordinate')}{cost})"
 
 
@@ -172,19 +162,17 @@ def frames_needed(workshop: Workshop) -> Tried:
     Tried
     """
     scene = workshop.scene
-    levels = offered_frames(scene.config, scene.file.sweep.frames)
+    levels = candidates.offered_frames(scene.config, scene.file.sweep.frames)
     constant = _variants(scene, Mass.CONSTANT)
     rounds = [
-        ([linear_frames(scene.config)], [one for one in constant if not has_frames(one.method)]),
+        ([candidates.linear_frames(scene.config)], [one for one in constant if not has_frames(one.method)]),
         (levels, [one for one in constant if has_frames(one.method)]),
         (levels, _variants(scene, Mass.POLYNOMIAL)),
         (levels, _variants(scene, Mass.CONFIGURATION)),
     ]
     tried: Tried = {}
     done = 0
-    with workshop.report.counted(
-        "1 of 3: frames, with plenty of modes", 1 + 3 * len(levels), "numbers at most"
-    ) as tell:
+    with workshop.report.counted("1 of 3: frames, with plenty of modes", 1 + 3 * len(levels), "counts at most") as tell:
         for numbers, variants in rounds:
             for frames in numbers:
                 _try(workshop, frames, [one for one in variants if _enough(tried.get(one, {})) is None], tried)
@@ -207,25 +195,24 @@ def _variants(scene: Scene, mass: Mass) -> list[Variant]:
     else:
         listed = dict.fromkeys((Method.LINEAR, Method.FRAMES, *sweep.methods))
         found = [Variant(method) for method in listed if method not in _COMPARED]
-    flat = linear_frames(scene.config)
+    flat = candidates.linear_frames(scene.config)
     smallest = [Reduction(BasisChoice.NORMAL, 1, 1 if has_frames(v.method) else flat) for v in found]
-    return [v for v, r in zip(found, smallest, strict=True) if has_meaning(scene.config, Candidate(r, v))]
+    return [v for v, r in zip(found, smallest, strict=True) if candidates.has_meaning(scene.config, Candidate(r, v))]
 
 
 def _try(workshop: Workshop, frames: int, wanted: Sequence[Variant], tried: Tried) -> None:
     """Measure a number of frames under some variants; nothing where the body cannot be divided so."""
     if not wanted:
         return
-    with workshop.report.stage(f"Try {frames_words(frames)} with {workshop.plenty} modes"):
+    with workshop.report.stage(f"Try {candidates.frames_words(frames)} with {workshop.plenty} modes"):
         try:
             body = workshop.body(workshop.ample(frames), list(wanted))
         except BodyFileError:
             return
-        for variant, errors in zip(
-            wanted, workshop.each(Workshop.errors, [(body, one) for one in wanted]), strict=True
-        ):
+        every = workshop.each(Workshop.errors, [(body, one) for one in wanted])
+        for variant, errors in zip(wanted, every, strict=True):
             tried.setdefault(variant, {})[frames] = errors
-            workshop.report.note(f"{variant.words}: {times(errors.share)} of the tolerance")
+            workshop.report.note(f"{variant.words}: {candidates.times(errors.share)} of the tolerance")
 
 
 def _with_fewest_modes(workshop: Workshop, enough: dict[Variant, int], allowed: float) -> list[Choice]:
@@ -327,7 +314,7 @@ def reasons(workshop: Workshop, tried: Tried, found: Sequence[Choice], best: Cho
     if left:
         result["interface"] = f"Left out, since the scene neither loads nor reads them: {', '.join(left)}."
     told = [
-        f"{variant.words} " + ", ".join(f"{_number(n)}{times(one.share)}" for n, one in errors.items())
+        f"{variant.words} " + ", ".join(f"{_number(n)}{candidates.times(one.share)}" for n, one in errors.items())
         for variant, errors in tried.items()
     ]
     method = f"Error over tolerance with {workshop.plenty} modes, by the number of frames: {'; '.join(told)}."
@@ -343,7 +330,7 @@ def reasons(workshop: Workshop, tried: Tried, found: Sequence[Choice], best: Cho
 
 
 def _number(frames: int) -> str:
-    return "own: " if frames == GIVEN else f"{frames}: " if frames else ""
+    return "own: " if frames == candidates.GIVEN else f"{frames}: " if frames else ""
 
 
 def _deliver(
@@ -357,7 +344,7 @@ def _deliver(
 ) -> Fit:
     """Write the file and the FMU, and measure what was written against the body as given."""
     scene = workshop.scene
-    config = reduction_config(scene.config, best.reduction, [best.variant])
+    config = candidates.reduction_config(scene.config, best.reduction, [best.variant])
     with whole_file(target) as part:
         # It is read where it stands while it is written: paths in it are taken from there.
         part.write_text(body_text(config, part.parent, [], reasons), encoding="utf-8")
@@ -386,9 +373,8 @@ def _deliver(
         reasons = reasons | {"output": "The FMU warns above the scene's tolerance, or its own bound there."}
         title = "the smallest and fastest model found within a scene's tolerance."
         title = title if result.met else "the best model found for a scene; its tolerance is not met."
-        part.write_text(
-            body_text(config, target.parent, [f"{config.name}: {title}", *result.summary], reasons), encoding="utf-8"
-        )
+        header = [f"{config.name}: {title}", *result.summary]
+        part.write_text(body_text(config, target.parent, header, reasons), encoding="utf-8")
         if fmu is not None:
             with workshop.report.stage(f"Write {fmu}"):
                 # The body file takes its name once the FMU is there.

@@ -29,9 +29,8 @@ class Driven:
     def __init__(self, path: str, folder: str):
         description = fmpy.read_model_description(path)
         name, unpacked = description.coSimulation.modelIdentifier, fmpy.extract(path, folder)
-        self.slave = FMU2Slave(
-            guid=description.guid, unzipDirectory=unpacked, modelIdentifier=name, instanceName="timed"
-        )
+        place = {"guid": description.guid, "unzipDirectory": unpacked, "modelIdentifier": name}
+        self.slave = FMU2Slave(**place, instanceName="timed")
         self.slave.instantiate(callbacks=_SILENT)
         variables = description.modelVariables
         self.references = {v.name: v.valueReference for v in variables}

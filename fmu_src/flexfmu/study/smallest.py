@@ -131,9 +131,8 @@ def reference_loads(model: FlexibleBody) -> Iterator[tuple[str, str, FloatArray]
     """
     body = model.model
     size = float(np.ptp(np.array(body.properties.box), axis=0).max()) if body.properties else 0.0
-    for name, moved, turned in zip(
-        body.interface_names, body.interface_displacement, body.interface_rotation, strict=True
-    ):
+    every = body.interface_names, body.interface_displacement, body.interface_rotation
+    for name, moved, turned in zip(*every, strict=True):
         gives, turns = ((part / body.angular_frequency**2) @ moved.T for part in (moved, turned))
         softness, ways = np.linalg.eigh(gives)
         # The stiffest direction of a slender body is along it.

@@ -218,9 +218,8 @@ def planned(scene: Scene, model: Candidate | None) -> list[Run]:
         method = model.variant.method
         labels = [f"{model.reduction.frames} × {method.label}" if has_frames(method) else method.label]
     places = [(case.name, f"{factor:g}") for case in scene.static for factor in scene.file.stability.factors]
-    return [
-        Run(_owner(scene), scene.config.name, case, factor, label, "") for label in labels for case, factor in places
-    ]
+    own = _owner(scene), scene.config.name
+    return [Run(*own, case, factor, label, "") for label in labels for case, factor in places]
 
 
 def _owner(scene: Scene) -> str:

@@ -42,9 +42,7 @@ def live_view(body: FlexibleBody, alone: bool = True) -> View:
         Something else is.
     """
     if not alone:
-        raise OptionError(
-            "a live page begins at rest, without loads, motion or modes: ask for these in a page without it"
-        )
+        raise OptionError("a live page begins at rest, without loads, motion or modes: ask for these in another page")
     view = body_view(body)
     model = replace(body.model, method=body.method, mass=body.variant.mass)
     made = {name: draft for name, draft in programs(model).items() if name in _PROGRAMS}

@@ -160,9 +160,7 @@ def _extremes(
     last = int(np.argmax(moved))
     when = f" at {label} {position[last]:.4g} {unit}".rstrip() if label == "time" else ""
     turned = max(body.core.largest_rotation(q) for q in states)
-    words = (
-        f"largest displacement {metres(float(moved[last]))}{when}, rotation within a frame {np.degrees(turned):.2g}°"
-    )
+    words = f"largest displacement {metres(float(moved[last]))}{when}, rotation in a frame {np.degrees(turned):.2g}°"
     return words if stress is None else f"{words}, {STRESS} {stress.max() / 1e6:.4g} MPa"
 
 
@@ -179,9 +177,8 @@ def mode_cases(body: FlexibleBody, count: int) -> list[Case]:
         states = [unit * np.sin(np.radians(phase)) for phase in phases]
         hertz = model.angular_frequency[j] / (2.0 * np.pi)
         note = f"damping ratio {model.damping_ratio[j]:.3g}; amplitude as drawn, not as loads make it"
-        cases.append(
-            motion_case(body, f"mode {number}, {hertz:.4g} Hz", states, [*phases], "phase", "°", cyclic=True, note=note)
-        )
+        name = f"mode {number}, {hertz:.4g} Hz"
+        cases.append(motion_case(body, name, states, [*phases], "phase", "°", cyclic=True, note=note))
     return cases
 
 

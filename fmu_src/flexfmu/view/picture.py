@@ -11,6 +11,7 @@ from matplotlib.patheffects import withStroke
 
 from ..files.array_types import FloatArray, IntArray
 from ..files.figures import Drawing
+from ..reduction.surface import face_edges, face_normals
 from .model import DISPLACEMENT, STRESS, Case, MarkKind, View
 
 # A palette that colour-blind readers can tell apart (Okabe and Ito), and what belongs to nothing.
@@ -62,25 +63,13 @@ class Camera:
         return np.stack([self.right, self.up, np.cross(self.right, self.up)])
 
 
-def face_normals(points: FloatArray, faces: IntArray) -> FloatArray:
-    """Unit normals (f, 3) of faces, by their diagonals."""
-    ring = points[faces]
-    last = np.where((faces[:, 2] == faces[:, 3])[:, None], ring[:, 0], ring[:, 3])
-    normal = np.cross(ring[:, 2] - ring[:, 0], last - ring[:, 1])
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    return normal / np.where(length > 0.0, length, 1.0)
-
-
 def corner_edges(points: FloatArray, faces: IntArray) -> IntArray:
     """Edges (e, 2) where the surface has a corner or ends."""
     normals = face_normals(points, faces)
-    following = np.roll(faces, -1, axis=1)
-    pairs = np.sort(np.stack([faces, following], axis=2).reshape(-1, 2), axis=1)
-    owner = np.repeat(np.arange(len(faces)), 4)
-    real = pairs[:, 0] != pairs[:, 1]
-    edges, index, count = np.unique(pairs[real], axis=0, return_inverse=True, return_counts=True)
+    pairs, owner = face_edges(faces)
+    edges, index, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
     total = np.zeros((len(edges), 3))
-    np.add.at(total, index.ravel(), normals[owner[real]])
+    np.add.at(total, index.ravel(), normals[owner])
     # |n₁ + n₂|² = 2 + 2 cos.
     sharp = (count != 2) | ((total**2).sum(axis=1) < 2.0 + 2.0 * _CORNER)
     return edges[sharp]

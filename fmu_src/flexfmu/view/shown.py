@@ -109,9 +109,7 @@ def page(view: View) -> str:
         "subtitle": view.subtitle,
         "points": _packed(view.points, "<f4"),
         "faces": _packed(view.faces, "<u4"),
-        "regions": [
-            {"title": r.title, "names": list(r.names), "number": _packed(r.number, "<i4")} for r in view.regions
-        ],
+        "regions": [{"title": r.title, "names": [*r.names], "number": _packed(r.number, "<i4")} for r in view.regions],
         "marks": [{"kind": mark.kind.value, "name": mark.name} for mark in view.marks],
         "markPoints": _rounded(view.mark_points),
         "sets": {name: [int(i) for i in rows] for name, rows in view.sets.items()},

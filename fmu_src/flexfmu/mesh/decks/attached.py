@@ -8,39 +8,27 @@ import numpy as np
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.files.errors import listed
-from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.couplings import Coupling
-from flexfmu.mesh.decks.geometry import Element, Elements
+from flexfmu.mesh.decks.geometry import Element
 from flexfmu.mesh.decks.orientation import Orientation
-from flexfmu.mesh.decks.sets import SetTable
+from flexfmu.mesh.decks.sets import Deck
 from flexfmu.mesh.model import Along, PointMass, SpringDamper, masses_note, springs_note, unit_of
 
-# Where I11, I22, I33, I12, I13, I23 stand in a matrix.
 MASSES = {"MASS": "MASS", "ROTARYINERTIA": "ROTARYI"}
 """Cards, and the type of the elements that each is for."""
+# Where I11, I22, I33, I12, I13, I23 stand in a matrix.
 _PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
-def point_masses(
-    cards: Sequence[Card],
-    element_sets: SetTable,
-    elements: Elements,
-    carriers: "Carriers",
-    units: UnitSystem,
-    notes: list[str],
-) -> tuple[PointMass, ...]:
+def point_masses(cards: Sequence[Card], deck: Deck, carriers: "Carriers") -> tuple[PointMass, ...]:
     """Return the masses of the cards *MASS and *ROTARY INERTIA.
 
     Parameters
     ----------
     cards : sequence of Card
-    element_sets : SetTable
-    elements : Elements
+    deck : Deck
     carriers : Carriers
-    units : UnitSystem
-    notes : list of str
-        Gets what is found, and what does nothing.
 
     Returns
     -------
@@ -52,9 +40,7 @@ def point_masses(
     DeckError
         Numbers are missing or negative, elements are of another type, or nothing carries a node.
     """
-    given = _given(cards, element_sets, elements, units)
-    found = []
-    labels = elements.nodes.labels()
+    given, found, labels = _given(cards, deck), [], deck.nodes.labels()
     for row in sorted(given):
         one, on = given[row], carriers.of(row)
         if on is None:
@@ -64,25 +50,18 @@ def point_masses(
             )
         if on.size == 1 and np.any(one.inertia) and row not in carriers.turning:
             place = f"{one.line.place}: node {labels[row]}"
-            notes.append(f"{place} of a solid does not turn: its rotary inertia does nothing")
+            deck.notes.append(f"{place} of a solid does not turn: its rotary inertia does nothing")
         found.append(PointMass(f"node {labels[row]}", carriers.points[row], on, one.mass, one.inertia))
-    notes.extend(masses_note(found, "nodes"))
+    deck.notes.extend(masses_note(found, "nodes"))
     return tuple(found)
 
 
-def _given(cards: Sequence[Card], element_sets: SetTable, elements: Elements, units: UnitSystem) -> dict[int, "_Given"]:
+def _given(cards: Sequence[Card], deck: Deck) -> dict[int, "_Given"]:
     """What the cards give a node, by its row."""
-    given: dict[int, _Given] = {}
+    given, units = dict[int, _Given](), deck.units
     for card in cards:
-        members = element_sets.find(card.required("ELSET"), card.line, card.scope)
-        chosen = elements.others_of(members)
-        if len(chosen) < len(members) or any(other.name != MASSES[card.key] for other in chosen):
-            raise card.line.error(
-                f"*{card.keyword} is for elements of type {MASSES[card.key]}, set '{card.parameters['ELSET']}' "
-                "holds others; name a set of these alone"
-            )
         values = _mass_numbers(card)
-        for row in (elements.nodes.rows_of(other)[0] for other in chosen):
+        for row in (deck.nodes.rows_of(other)[0] for other in deck.chosen(card, [MASSES[card.key]])):
             one = given.setdefault(row, _Given(card.line))
             one.line = card.line
             if card.key == "MASS":
@@ -130,8 +109,7 @@ class Carriers:
 
 def _mass_numbers(card: Card) -> list[float]:
     """Numbers of the first row."""
-    texts = fields(card.data[0]) if card.data else []
-    line = card.data[0] if card.data else card.line
+    texts, line = card.row, card.first
     wanted = 1 if card.key == "MASS" else 3
     if len(texts) < wanted:
         raise line.error(f"*{card.keyword} should have a row of {wanted} numbers or more, found {len(texts)}")
@@ -149,20 +127,20 @@ def _matrix(values: Sequence[float]) -> FloatArray:
     return result
 
 
-SPRINGS = {"SPRING": "SPRING", "DASHPOT": "DASHPOT"}
-"""Cards, and the beginning of the elements' names that each is for; A, 1 or 2 follows."""
+SPRINGS = {key: tuple(key + end for end in "A12") for key in ("SPRING", "DASHPOT")}
+"""Cards, and the types of the elements that each is for."""
 
 
 class _Ends(NamedTuple):
     """What springs may hang on: nodes that something carries, and nodes that are ground."""
 
-    elements: Elements
+    deck: Deck
     carriers: Carriers
     fixed: BoolArray
 
     def of(self, element: Element) -> tuple[list[IntArray], FloatArray]:
         """Rows that carry each end of an element, none on the ground, and where they are (2, 3), m."""
-        rows = self.elements.nodes.rows_of(element)
+        rows = self.deck.nodes.rows_of(element)
         found = []
         for row, label in zip(rows, element.nodes, strict=True):
             on = self.carriers.of(row)
@@ -177,16 +155,19 @@ class _Ends(NamedTuple):
 
 
 def deck_springs(
-    cards: Sequence[Card], element_sets: SetTable, elements: Elements, carriers: Carriers, fixed: BoolArray,
-    orientations: dict[str, Orientation], transformed: Set[int], units: UnitSystem, notes: list[str],
-) -> tuple[SpringDamper, ...]:  # fmt: skip
+    cards: Sequence[Card],
+    deck: Deck,
+    carriers: Carriers,
+    fixed: BoolArray,
+    orientations: dict[str, Orientation],
+    transformed: Set[int],
+) -> tuple[SpringDamper, ...]:
     """Return the springs and dampers of the cards *SPRING and *DASHPOT.
 
     Parameters
     ----------
     cards : sequence of Card
-    element_sets : SetTable
-    elements : Elements
+    deck : Deck
     carriers : Carriers
     fixed : (n, 6) bool
         What the deck holds of each node.
@@ -194,9 +175,6 @@ def deck_springs(
         By name in capitals.
     transformed : set of int
         Nodes with axes of *TRANSFORM.
-    units : UnitSystem
-    notes : list of str
-        Gets what is found.
 
     Returns
     -------
@@ -207,8 +185,7 @@ def deck_springs(
     DeckError
         What is not linear, elements of another type or without a card, or an end that nothing carries.
     """
-    found, known = [], set()
-    ends = _Ends(elements, carriers, fixed)
+    found, known, ends = [], set(), _Ends(deck, carriers, fixed)
     for card in cards:
         directions, value = _spring_numbers(card)
         turned: Orientation | None = None
@@ -216,43 +193,28 @@ def deck_springs(
             turned = orientations.get(card.scope.qualified(name).upper())
             if turned is None:
                 raise card.line.error(f"*{card.keyword} names the orientation '{name}', which is not there")
-        members = element_sets.find(card.required("ELSET"), card.line, card.scope)
-        chosen = elements.others_of(members)
-        if len(chosen) < len(members) or any(not one.name.startswith(SPRINGS[card.key]) for one in chosen):
-            raise card.line.error(
-                f"*{card.keyword} is for elements of type {SPRINGS[card.key]}A, 1 or 2, set "
-                f"'{card.parameters['ELSET']}' holds others; name a set of these alone"
-            )
-        for element in chosen:
+        for element in deck.chosen(card, SPRINGS[card.key]):
             known.add(element.label)
-            found.append(_spring(card, element, ends, turned, directions, value, units))
-    lone = [one for one in elements.others if one.name.startswith(tuple(SPRINGS.values())) and one.label not in known]
+            found.append(_spring(card, element, ends, turned, directions, value))
+    lone = [one for one in deck.elements.others if one.name.startswith(tuple(SPRINGS)) and one.label not in known]
     if lone:
         raise lone[0].line.error(f"element {lone[0].label} of type {lone[0].name} has no *SPRING or *DASHPOT; add it")
-    notes.extend(springs_note(found))
+    deck.notes.extend(springs_note(found))
     if askew := [one.name for one in found if one.along is Along.FIXED and transformed & {*np.hstack(one.ends)}]:
-        notes.append(f"{listed(askew)}: *TRANSFORM turns no springs; they have global axes, or an ORIENTATION")
+        deck.notes.append(f"{listed(askew)}: *TRANSFORM turns no springs; they have global axes, or an ORIENTATION")
     return tuple(found)
 
 
 def _spring(
-    card: Card,
-    element: Element,
-    ends: _Ends,
-    turned: Orientation | None,
-    directions: tuple[int, ...],
-    value: float,
-    units: UnitSystem,
+    card: Card, element: Element, ends: _Ends, turned: Orientation | None, directions: tuple[int, ...], value: float
 ) -> SpringDamper:
     """The spring or damper that an element is."""
-    on, places = ends.of(element)
+    (on, places), units = ends.of(element), ends.deck.units
     numbers, line = np.zeros(6), element.name.endswith("A")
     if line and not np.linalg.norm(places[0] - places[1]) > 0.0:
         raise element.line.error(f"both nodes of element {element.label} are in one place: {element.name} has no line")
     if not line and not directions:
-        raise card.line.error(
-            f"*{card.keyword} for {element.name} takes a row of directions, 1 to 6, before its number"
-        )
+        raise card.line.error(f"*{card.keyword} for {element.name} takes a row of directions 1 to 6 before its number")
     if len(set(directions)) > 1 and not line:
         raise card.line.error(
             f"*{card.keyword} joins direction {directions[0]} to {directions[1]}: both must be the same; use *EQUATION"

@@ -8,7 +8,7 @@ import numpy as np
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.files.errors import DeckError, listed
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
-from flexfmu.mesh.decks.sets import SetTable
+from flexfmu.mesh.decks.sets import Deck
 
 # Degrees of freedom 4 to 6 are rotations, which reference nodes have and nodes of solids have not.
 LAST_DOF = 6
@@ -27,17 +27,20 @@ NAMED = {
 }
 
 
-def hold(card: Card, node_sets: SetTable, fixed: BoolArray, notes: list[str]) -> None:
+def hold(card: Card, deck: Deck, fixed: BoolArray) -> list[str]:
     """Mark the translations and rotations that a *BOUNDARY card holds at zero.
 
     Parameters
     ----------
     card : Card
-    node_sets : SetTable
+    deck : Deck
     fixed : (n, 6) bool
         Changed in place.
-    notes : list of str
-        Gets displacements other than zero, which hold nothing.
+
+    Returns
+    -------
+    list of str
+        Notes on displacements other than zero, which hold nothing.
 
     Raises
     ------
@@ -47,28 +50,21 @@ def hold(card: Card, node_sets: SetTable, fixed: BoolArray, notes: list[str]) ->
     moved: list[str] = []
     for line in card.data:
         entry, *rest = fields(line)
-        rows = list(node_sets.find(entry, line, card.scope))
+        rows = list(deck.node_sets.find(entry, line, card.scope))
         for dof in _dofs(rest, line, moved):
             fixed[rows, dof - 1] = True
-    if moved:
-        notes.append(
-            f"{card.line.place}: what is moved holds nothing here: {listed(moved)}; give an interface, and move it in "
-            "the simulation"
-        )
+    told = f"{card.line.place}: what is moved holds nothing here: {listed(moved)}"
+    return [f"{told}; give an interface, and move it in the simulation"] if moved else []
 
 
-def held_by_steps(
-    steps: Sequence[Sequence[Card]], node_sets: SetTable, count: int, axes: Container[int]
-) -> dict[str, IntArray]:
+def held_by_steps(steps: Sequence[Sequence[Card]], deck: Deck, axes: Container[int]) -> dict[str, IntArray]:
     """Return the nodes that steps hold, which hold nothing by themselves, as sets to choose from.
 
     Parameters
     ----------
     steps : sequence of sequence of Card
         The *BOUNDARY cards of each step; a row that cannot be read is of another analysis.
-    node_sets : SetTable
-    count : int
-        Number of nodes.
+    deck : Deck
     axes : container of int
         Rows of nodes with axes of their own, which are left out.
 
@@ -77,12 +73,12 @@ def held_by_steps(
     dict of str to (k,) int
         "STEP 1" is held in all translations, "STEP 1 xy" along these, and so on.
     """
-    found = {}
+    found, count = {}, len(deck.nodes.rows)
     for which, cards in enumerate(steps, start=1):
         fixed = np.zeros((count, LAST_DOF), dtype=bool)
         for card in cards:
             with contextlib.suppress(DeckError):
-                hold(card, node_sets, fixed, [])
+                hold(card, deck, fixed)
         kinds = fixed[:, :3] @ [1, 2, 4] * [row not in axes for row in range(count)]
         for kind in sorted(set(kinds.tolist()) - {0}, reverse=True):
             along = "".join(name for k, name in enumerate("xyz") if kind >> k & 1)
@@ -122,9 +118,7 @@ def inclined(axes: Mapping[int, FloatArray], fixed: BoolArray, card: Card) -> li
             fixed[row, first : first + 3] = False
             for direction in own.T[chosen]:
                 if not direction.any():
-                    raise card.line.error(
-                        "a node that is held lies on the axis of this system: it has no such direction"
-                    )
+                    raise card.line.error("a held node lies on the axis of this system: it has no such direction")
                 if np.abs(direction).max() > 1.0 - _ALONG:
                     fixed[row, first + int(np.abs(direction).argmax())] = True
                 elif first:

@@ -144,6 +144,16 @@ class Card:
         """The keyword without blanks and hyphens, as the solvers compare it."""
         return self.keyword.replace(" ", "").replace("-", "")
 
+    @property
+    def first(self) -> Line:
+        """The first row, or the keyword line where there is none."""
+        return self.data[0] if self.data else self.line
+
+    @property
+    def row(self) -> list[str]:
+        """Fields of the first row; none without one."""
+        return fields(self.data[0]) if self.data else []
+
     def required(self, name: str) -> str:
         """Return the value of a parameter that the card cannot do without.
 

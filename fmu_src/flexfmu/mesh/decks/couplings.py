@@ -8,8 +8,7 @@ import numpy as np
 
 from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.mesh.decks.cards import Card, fields, integer, number
-from flexfmu.mesh.decks.geometry import Elements
-from flexfmu.mesh.decks.sets import DeckSurface, SetTable
+from flexfmu.mesh.decks.sets import Deck, DeckSurface
 from flexfmu.mesh.equations import RigidLink
 
 # Cards that say how the coupling above them holds its nodes.
@@ -71,15 +70,12 @@ class CouplingTable:
         else:
             raise card.line.error(f"*{card.keyword} stands below no *COUPLING; put it below the one it belongs to")
 
-    def resolved(
-        self, node_sets: SetTable, element_sets: SetTable, elements: Elements, surfaces: Mapping[str, DeckSurface]
-    ) -> tuple[Coupling, ...]:
+    def resolved(self, deck: Deck, surfaces: Mapping[str, DeckSurface]) -> tuple[Coupling, ...]:
         """Return the couplings.
 
         Parameters
         ----------
-        node_sets, element_sets : SetTable
-        elements : Elements
+        deck : Deck
         surfaces : mapping of str to DeckSurface
 
         Returns
@@ -91,19 +87,16 @@ class CouplingTable:
         DeckError
             A set, surface or reference node is missing, or couplings that are not rigid have the same reference node.
         """
-        found: list[Coupling] = []
-        turning = elements.shell_nodes_of(range(elements.solid_count)) if self.cards else set()
+        found, node_sets = list[Coupling](), deck.node_sets
+        turning = deck.turning if self.cards else set()
         for place, (card, holding) in enumerate(self.cards, start=1):
             # Its reference is the node of an element DCOUP3D.
             by_element = card.key == "DISTRIBUTINGCOUPLING"
             entry = card.required("ELSET" if by_element else "REFNODE")
-            if by_element:
-                rows = sorted(elements.nodes_of(element_sets.find(entry, card.line, card.scope)))
-            else:
-                rows = sorted(node_sets.find(entry, card.line, card.scope))
+            rows = deck.elements.nodes_of(deck.members(card)) if by_element else _found(entry, card, deck)
             if len(rows) != 1:
                 raise card.line.error(f"{entry} names {len(rows)} reference nodes, expected one")
-            reference = rows[0]
+            (reference,) = rows
             held = _axes(holding)
             rigid = held >= {1, 2, 3}
             known = next((other for other in found if other.reference == reference), None)
@@ -115,40 +108,39 @@ class CouplingTable:
             alone = [node_sets.spelling[name] for name, members in node_sets.members.items() if members == {reference}]
             given = card.parameters.get("CONSTRAINTNAME", "")
             names = [*([card.scope.qualified(given)] if given else []), *alone] or [f"{card.keyword} {place}"]
-            nodes = np.setdiff1d(_nodes(card, node_sets, element_sets, elements, surfaces), [reference])
-            nodes = _near(card, nodes, reference, elements)
+            nodes = _near(card, np.setdiff1d(_nodes(card, deck, surfaces), [reference]), reference, deck)
             told = _told(card, holding, held, turning.intersection(nodes.tolist()))
             turns = card.parameters.get("ROTNODE", "")
-            about = min(node_sets.find(turns, card.line, card.scope)) if turns else -1
+            about = min(_found(turns, card, deck)) if turns else -1
             found.append(Coupling(tuple(dict.fromkeys(names)), nodes, reference, rigid, about, told, card))
         return tuple(found)
 
 
-def _nodes(
-    card: Card, node_sets: SetTable, element_sets: SetTable, elements: Elements, surfaces: Mapping[str, DeckSurface]
-) -> IntArray:
+def _found(entry: str, card: Card, deck: Deck) -> set[int]:
+    return deck.node_sets.find(entry, card.line, card.scope)
+
+
+def _nodes(card: Card, deck: Deck, surfaces: Mapping[str, DeckSurface]) -> IntArray:
     if card.key == "COUPLING":
         return card.scope.find(card.required("SURFACE"), surfaces, "surface", card.line).nodes
     if card.key in ("KINEMATICCOUPLING", "DISTRIBUTINGCOUPLING"):
-        rows = set().union(*(node_sets.find(fields(line)[0], line, card.scope) for line in card.data))
+        rows = set().union(*(deck.node_sets.find(fields(line)[0], line, card.scope) for line in card.data))
     else:
         if not (given := [card.parameters[key] for key in ("NSET", "TIENSET", "PINNSET") if key in card.parameters]):
             card.required("ELSET")
-        rows = set().union(*(node_sets.find(name, card.line, card.scope) for name in given))
+        rows = set().union(*(_found(name, card, deck) for name in given))
         if "ELSET" in card.parameters:
-            rows |= elements.nodes_of(element_sets.find(card.required("ELSET"), card.line, card.scope))
+            rows |= deck.elements.nodes_of(deck.members(card))
     if card.parameters.get("POSITION", "INPUT").upper() != "INPUT":
-        raise card.line.error(
-            "POSITION moves the reference node to the centre of mass: define it there, without POSITION"
-        )
+        raise card.line.error("POSITION moves the reference node to the centre of mass: put it there, without POSITION")
     return np.array(sorted(rows), dtype=np.int64)
 
 
-def _near(card: Card, nodes: IntArray, reference: int, elements: Elements) -> IntArray:
+def _near(card: Card, nodes: IntArray, reference: int, deck: Deck) -> IntArray:
     """Nodes within the INFLUENCE RADIUS of the reference node."""
     if not (text := card.parameters.get("INFLUENCERADIUS", "")):
         return nodes
-    points = elements.nodes.points()
+    points = deck.nodes.points()
     near = np.linalg.norm(points[nodes] - points[reference], axis=1) <= number(text, card.line, "INFLUENCE RADIUS")
     if near.any():
         return nodes[near]

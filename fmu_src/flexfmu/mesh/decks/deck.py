@@ -11,6 +11,7 @@ from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
 from flexfmu.files.errors import DeckError, MeshError, listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import Beam, with_beams
+from flexfmu.mesh.decks import structures
 from flexfmu.mesh.decks.assembly import Assembly
 from flexfmu.mesh.decks.attached import MASSES, SPRINGS, Carriers, deck_springs, point_masses
 from flexfmu.mesh.decks.boundary import held_by_steps, hold, inclined
@@ -21,16 +22,7 @@ from flexfmu.mesh.decks.geometry import Elements, ElementTable, NodeTable
 from flexfmu.mesh.decks.keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
 from flexfmu.mesh.decks.materials import Assigned, DeckMaterials
 from flexfmu.mesh.decks.orientation import orientation
-from flexfmu.mesh.decks.sets import DeckSurface, SetTable, surface
-from flexfmu.mesh.decks.structures import (
-    KEY as SHELLS,
-    KEYS as BEAMS,
-    Faces,
-    by_element,
-    take_beams,
-    take_shells,
-    thickness_by_node,
-)
+from flexfmu.mesh.decks.sets import Deck, DeckSurface, SetTable, surface
 from flexfmu.mesh.elements import ElementBlock
 from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.model import Mesh
@@ -64,16 +56,16 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     content = _Content(DeckMaterials(units))
     content.sort(content.assembly.flat(read_cards(path)))
     elements = content.elements.resolved(content.nodes)
-    heights: dict[int, Faces] = {}
+    heights: dict[int, structures.Faces] = {}
     thickness: dict[int, float] = {}
     beams: dict[int, Beam] = {}
     if content.structures or any(one.dimension == 1 for one in content.elements.known.values()):
-        node_sets, element_sets = _resolved_sets(content, elements)
-        thickness = thickness_by_node(content.cards["NODALTHICKNESS"], node_sets, content.nodes.labels())
+        deck = content.deck(elements, units)
+        thickness = structures.thickness_by_node(content.cards["NODALTHICKNESS"], deck)
         cards, table, materials = content.structures, content.elements, content.materials
-        heights = take_shells([k for k in cards if k.key == SHELLS], element_sets, elements, table, materials)
-        long = [*(k for k in cards if k.key in BEAMS), *content.cards["SOLIDSECTION"]]
-        beams = take_beams(long, element_sets, elements, table, materials, units)
+        heights = structures.take_shells([k for k in cards if k.key == structures.KEY], deck, table, materials)
+        long = [*(k for k in cards if k.key in structures.KEYS), *content.cards["SOLIDSECTION"]]
+        beams = structures.take_beams(long, deck, table, materials)
         elements = content.elements.resolved(content.nodes)
     if not content.nodes.rows or not elements.blocks:
         missing = "elements (*ELEMENT of solids)" if content.nodes.rows else "nodes (*NODE)"
@@ -82,47 +74,47 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
     content.beams = bool(beams)
     content.reach = max((abs(side) for one in heights.values() for side in one[:2]), default=0.0)
     content.reach *= max(thickness.values(), default=1.0)
-    mesh, turning = _mesh(content, elements, units)
+    mesh, turning = _mesh(content, content.deck(elements, units))
     if beams:
         mesh, turning = with_beams(mesh, beams, turning)
     if not heights:
         return mesh
-    thick = units.length * by_element(heights, mesh.blocks, mesh.labels, thickness)
+    thick = units.length * structures.by_element(heights, mesh.blocks, mesh.labels, thickness)
     try:
         return expanded(mesh, thick, turning, content.ties)
     except FoldedShellError as error:
         raise content.elements.known[error.label].line.error(str(error)) from error
 
 
-def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[Mesh, BoolArray]:
+def _mesh(content: "_Content", deck: Deck) -> tuple[Mesh, BoolArray]:
     """The mesh, of shells the middle surface, and the rotations (n, 3) that are held."""
+    node_sets, element_sets, elements, units, _ = deck
     blocks = elements.blocks
-    node_sets, element_sets = _resolved_sets(content, elements)
-    _refuse_structures(content, element_sets)
-    surfaces = {
-        card.scope.qualified(card.required("NAME")): surface(card, node_sets, element_sets, elements)
-        for card in content.cards["SURFACE"]
-    }
-    own = _sets_of_surfaces(content, surfaces, node_sets)
+    _refuse_structures(content, deck)
+    named = {card.scope.qualified(card.required("NAME")): card for card in content.cards["SURFACE"]}
+    surfaces = {name: surface(card, deck) for name, card in named.items()}
+    # They are node sets, too, where their name is free.
+    own = {name: found for name, found in surfaces.items() if name.upper() not in node_sets.members}
+    for name in (one for one in surfaces if one not in own):
+        content.notes.append(f"{named[name].line.place}: surface '{name}' is left unused: a node set has its name")
     fixed = np.zeros((len(content.nodes.rows), 6), dtype=bool)
     for card in content.cards["BOUNDARY"]:
-        hold(card, node_sets, fixed, content.notes)
+        content.notes += hold(card, deck, fixed)
     points = content.nodes.points()
     axes = _transformed(content, node_sets, points)
-    by_steps = held_by_steps(content.steps, node_sets, len(points), axes)
+    by_steps = held_by_steps(content.steps, deck, axes)
     content.notes += [f"steps hold the node sets {', '.join(by_steps)}: hold them by [[support]]"] * bool(by_steps)
     rows = inclined(axes, fixed, content.cards["TRANSFORM"][-1]) if axes else []
     if rows:
         content.notes.append(f"{len(rows)} inclined supports of *TRANSFORM are equations: boundary = false leaves them")
     used = {row for block in blocks for row in block.connectivity.ravel().tolist()}
-    rows += _equations(content, elements, surfaces, node_sets, points, axes, used | {*np.nonzero(fixed)[0].tolist()})
-    couplings = content.couplings.resolved(node_sets, element_sets, elements, own)
+    rows += _equations(content, deck, surfaces, points, axes, used | {*np.nonzero(fixed)[0].tolist()})
+    couplings = content.couplings.resolved(deck, own)
     turning = {row for block in blocks if block.type.beam for row in block.connectivity.ravel().tolist()}
     carriers = Carriers(points * units.length, used | _tied(rows, fixed), turning, couplings)
     heavy, soft = ([card for key in keys for card in content.cards[key]] for keys in (MASSES, SPRINGS))
-    masses = point_masses(heavy, element_sets, elements, carriers, units, content.notes)
-    oriented = content.materials.orientations
-    springs = deck_springs(soft, element_sets, elements, carriers, fixed, oriented, axes.keys(), units, content.notes)
+    masses = point_masses(heavy, deck, carriers)
+    springs = deck_springs(soft, deck, carriers, fixed, content.materials.orientations, axes.keys())
     used |= {key // 3 for row in rows for key in row}
     coupled, references, links, pinned, told = offered(couplings, points * units.length, fixed, used)
     rows += pinned
@@ -130,7 +122,7 @@ def _mesh(content: "_Content", elements: Elements, units: UnitSystem) -> tuple[M
     labels = np.concatenate([block.labels for block in blocks])
     centres = np.concatenate([points[block.connectivity].mean(axis=1) for block in blocks])
     made = content.materials.assigned(element_sets, labels, centres)
-    faces = _sets_of_faces(content, node_sets, element_sets, elements)
+    faces = _sets_of_faces(content, deck)
     telling = (content.assembly, content.elements, content, node_sets, element_sets, made)
     mesh = Mesh(
         points=points * units.length,
@@ -190,6 +182,26 @@ class _Content:
                 told.add(note)
             elif card.key not in HARMLESS:
                 raise _unsupported(card)
+
+    def deck(self, elements: Elements, units: UnitSystem) -> Deck:
+        """What the cards name."""
+        offsets = self.assembly.offsets
+        node_sets = SetTable("node", self.nodes.rows, offsets)
+        element_sets = SetTable("element", self.elements.positions(), offsets)
+        for card, labels in self.sets:
+            if card.key in ("NODE", "ELEMENT"):
+                table, parameter = (node_sets, "NSET") if card.key == "NODE" else (element_sets, "ELSET")
+                if parameter in card.parameters:
+                    table.extend_by_labels(card.scope.qualified(card.required(parameter)), labels)
+            elif card.key == "ELSET":
+                element_sets.add(card, card.required("ELSET"))
+            elif "ELSET" in card.parameters:
+                # *NSET, ELSET=...: the nodes of these elements.
+                members = element_sets.find(card.parameters["ELSET"], card.line, node_sets.inside(card))
+                node_sets.extend(card.scope.qualified(card.required("NSET")), elements.nodes_of(members))
+            else:
+                node_sets.add(card, card.required("NSET"))
+        return Deck(node_sets, element_sets, elements, units, self.notes)
 
     def _take(self, card: Card) -> None:
         of_material = {
@@ -251,47 +263,16 @@ def _skipped_step(step: Card, cards: Iterator[Card], notes: list[str]) -> list[C
     raise step.line.error("this *STEP has no *END STEP; add it, so that the analysis can be told from the body")
 
 
-def _resolved_sets(content: _Content, elements: Elements) -> tuple[SetTable, SetTable]:
-    offsets = content.assembly.offsets
-    node_sets = SetTable("node", content.nodes.rows, offsets)
-    element_sets = SetTable("element", content.elements.positions(), offsets)
-    for card, labels in content.sets:
-        if card.key in ("NODE", "ELEMENT"):
-            table, parameter = (node_sets, "NSET") if card.key == "NODE" else (element_sets, "ELSET")
-            if parameter in card.parameters:
-                table.extend_by_labels(card.scope.qualified(card.required(parameter)), labels)
-        elif card.key == "ELSET":
-            element_sets.add(card, card.required("ELSET"))
-        elif "ELSET" in card.parameters:
-            # *NSET, ELSET=...: the nodes of these elements.
-            members = element_sets.find(card.parameters["ELSET"], card.line, node_sets.inside(card))
-            node_sets.extend(card.scope.qualified(card.required("NSET")), elements.nodes_of(members))
-        else:
-            node_sets.add(card, card.required("NSET"))
-    return node_sets, element_sets
-
-
-def _refuse_structures(content: _Content, element_sets: SetTable) -> None:
+def _refuse_structures(content: _Content, deck: Deck) -> None:
     """Refuse sections that make membranes, frames or bars of what would otherwise serve sets."""
     for card in content.structures:
-        if card.key in (SHELLS, *BEAMS):
+        if card.key in (structures.KEY, *structures.KEYS):
             continue
-        if "ELSET" in card.parameters and element_sets.find(card.parameters["ELSET"], card.line, card.scope):
+        if "ELSET" in card.parameters and deck.members(card):
             raise card.line.error(
                 f"*{card.keyword} makes a membrane or frame of elements of set '{card.parameters['ELSET']}': only "
                 "solids, shells and beams are supported; mesh this part of the body with these"
             )
-
-
-def _sets_of_surfaces(
-    content: _Content, surfaces: Mapping[str, DeckSurface], node_sets: SetTable
-) -> dict[str, DeckSurface]:
-    """Surfaces that are node sets, too: those whose name is free."""
-    for card in content.cards["SURFACE"]:
-        name = card.scope.qualified(card.required("NAME"))
-        if name.upper() in node_sets.members:
-            content.notes.append(f"{card.line.place}: surface '{name}' is left unused: a node set has its name")
-    return {name: found for name, found in surfaces.items() if name.upper() not in node_sets.members}
 
 
 def _transformed(content: _Content, node_sets: SetTable, points: FloatArray) -> dict[int, FloatArray]:
@@ -312,9 +293,8 @@ def _tied(rows: Sequence[Mapping[int, float]], fixed: BoolArray) -> set[int]:
 
 def _equations(
     content: _Content,
-    elements: Elements,
+    deck: Deck,
     surfaces: Mapping[str, DeckSurface],
-    node_sets: SetTable,
     points: FloatArray,
     axes: Mapping[int, FloatArray],
     busy: Set[int],
@@ -322,7 +302,7 @@ def _equations(
     """Equations of *TIE, which may move nodes, of *EQUATION and of *MPC."""
     found: list[dict[int, float]] = []
     table = TieTable(points, content.reach)
-    shells = elements.shell_nodes_of(range(elements.solid_count)) if content.cards["TIE"] else set()
+    shells = deck.turning if content.cards["TIE"] else set()
     for card in (*content.cards["TIE"], *content.cards["SHELLTOSOLIDCOUPLING"]):
         tied = table.rows(card, surfaces)
         if any(key // 3 in shells for row in tied for key in row) or (table.shells and content.beams):
@@ -334,13 +314,12 @@ def _equations(
     content.ties = table.shells
     content.notes.extend(table.notes)
     cards = [*content.cards["EQUATION"], *content.cards["MPC"]]
-    return found + equations(cards, node_sets, points, axes, busy, content.notes)
+    return found + equations(cards, deck, points, axes, busy)
 
 
-def _sets_of_faces(
-    content: _Content, node_sets: SetTable, element_sets: SetTable, elements: Elements
-) -> dict[str, IntArray]:
+def _sets_of_faces(content: _Content, deck: Deck) -> dict[str, IntArray]:
     """Node sets of the element sets that hold faces or edges, which are no part of the body by themselves."""
+    node_sets, element_sets, elements, *_ = deck
     faces = [other for other in elements.others if other.dimension]
     if faces:
         kinds = ", ".join(dict.fromkeys(other.name for other in faces))

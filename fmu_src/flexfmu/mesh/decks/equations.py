@@ -8,7 +8,7 @@ import numpy as np
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import listed
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
-from flexfmu.mesh.decks.sets import DeckSurface, SetTable
+from flexfmu.mesh.decks.sets import Deck, DeckSurface, SetTable
 from flexfmu.mesh.elements import face_corners
 from flexfmu.mesh.nearest import nearest_faces, weighted
 from flexfmu.mesh.shell_ties import EdgeTie, OfShell, ShellTie
@@ -21,26 +21,20 @@ _SAME_PLACE = 1e-9
 
 
 def equations(
-    cards: Sequence[Card],
-    node_sets: SetTable,
-    points: FloatArray,
-    axes: Mapping[int, FloatArray],
-    busy: Set[int],
-    notes: list[str],
+    cards: Sequence[Card], deck: Deck, points: FloatArray, axes: Mapping[int, FloatArray], busy: Set[int]
 ) -> list[dict[int, float]]:
     """Return the equations of the cards *EQUATION and *MPC.
 
     Parameters
     ----------
     cards : sequence of Card
-    node_sets : SetTable
+    deck : Deck
+        Is told of mean rotations, which are left out.
     points : (n, 3) float
     axes : mapping of int to (3, 3) float
         Of *TRANSFORM, columns by row of the node; *EQUATION speaks of them.
     busy : set of int
         Nodes of elements, and those that are held.
-    notes : list of str
-        Gets mean rotations, which are left out.
 
     Returns
     -------
@@ -52,14 +46,14 @@ def equations(
     DeckError
         A row is malformed, names what is not there, or is no linear constraint of translations.
     """
-    found: list[dict[int, float]] = []
+    found, node_sets = list[dict[int, float]](), deck.node_sets
     for card in cards:
         if card.key == "EQUATION":
             found += _equations(card, node_sets, axes)
         else:
             for line in card.data:
                 if fields(line)[0].upper() == "MEANROT":
-                    notes.append(_mean_rotation(line, card, node_sets, busy))
+                    deck.notes.append(_mean_rotation(line, card, node_sets, busy))
                 else:
                     found += _constraint(line, card, node_sets, points)
     return found
@@ -120,7 +114,7 @@ def _expanded(
     counts = {len(nodes) for nodes, _, _ in terms} - {1}
     if len(counts) > 1 or 0 in counts:
         raise line.error(
-            f"the sets of an equation have {listed(sorted(counts))} nodes, expected the same number in each, or one"
+            f"the sets of an equation have {listed(sorted(counts))} nodes, expected the same number, or one"
         )
     found = []
     for place in range(max(counts, default=1)):
@@ -139,9 +133,7 @@ def _expanded(
 def _mean_rotation(line: Line, card: Card, node_sets: SetTable, busy: Set[int]) -> str:
     """Note on a MEANROT, which holds nothing where its last node, by which steps drive the rotation, is free."""
     if node_sets.find(fields(line)[-1], line, card.scope) & busy:
-        raise line.error(
-            "the last node of MPC MEANROT is held or belongs to elements; give an interface its nodes instead"
-        )
+        raise line.error("the last node of MPC MEANROT is held or belongs to elements; give an interface its nodes")
     return f"{line.place}: MPC MEANROT is left to an interface of its nodes, whose rotation is their mean one"
 
 
@@ -264,7 +256,7 @@ class TieTable:
             if not faces or (main.shells and (main.faces or edge)):
                 words = "no element faces" if not faces else "faces of shells" if edge else "faces of solids and shells"
                 raise line.error(
-                    f"surface '{names[1]}' has {words} to tie to; exchange both, or name faces of one kind"
+                    f"surface '{names[1]}' has {words} to tie to; exchange them, or name faces of one kind"
                 )
             nodes = np.array([node for node in dependent.nodes.tolist() if node not in self.tied], dtype=np.int64)
             nodes = np.setdiff1d(nodes, np.concatenate([block.ravel() for block in faces]))

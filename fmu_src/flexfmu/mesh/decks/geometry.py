@@ -166,9 +166,7 @@ class Elements:
 
     def nodes_of(self, positions: Iterable[int]) -> set[int]:
         """Rows of the elements' nodes."""
-        solid = {
-            row for block, inside in self.solids_of(positions) for row in block.connectivity[inside].ravel().tolist()
-        }
+        solid = {row for b, inside in self.solids_of(positions) for row in b.connectivity[inside].ravel().tolist()}
         return solid.union(*(self.nodes.rows_of(other) for other in self.others_of(positions)))
 
 
@@ -268,9 +266,7 @@ class ElementTable:
             raise line.error(f"node numbers should be at most 1e12, found {max(element.nodes)} in element {label}")
         before = self.known.setdefault(label, element)
         if (before.solid or before.name, before.nodes) != (element.solid or element.name, element.nodes):
-            raise line.error(
-                f"element {label} is defined again, differently from {before.line.place}; renumber one of them"
-            )
+            raise line.error(f"element {label} is defined again, other than in {before.line.place}; renumber one")
 
 
 def _node(line: Line) -> tuple[int, tuple[float, float, float]]:

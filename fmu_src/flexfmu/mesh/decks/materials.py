@@ -68,8 +68,7 @@ def elastic_constants(card: Card, units: UnitSystem) -> Elastic:
     rows = -(-count // _ROW)
     values = [number(text, line, f"each of {_WORDS[count]}") for line in card.data[:rows] for text in fields(line)]
     if not count <= len(values) <= count + 1:
-        where = card.data[0] if card.data else card.line
-        raise where.error(f"*ELASTIC should have {_WORDS[count]}, found {len(values)} numbers")
+        raise card.first.error(f"*ELASTIC should have {_WORDS[count]}, found {len(values)} numbers")
     notes = []
     if len(card.data) > rows:
         at = f" ({values[count]:g})" if len(values) > count else ""
@@ -280,10 +279,10 @@ class DeckMaterials:
         DeckError
             It has no number, or is not physical in the declared units.
         """
-        if not card.data or not fields(card.data[0]):
+        if not card.row:
             raise card.line.error("*DENSITY should have the row 'density'")
-        line = card.data[0]
-        value = number(fields(line)[0], line, "the density")
+        line = card.first
+        value = number(card.row[0], line, "the density")
         if len(card.data) > 1:
             self.notes.append(f"{line.place}: the density of the first row is taken, {value:g}, at all temperatures")
         density = value * self.units.density
@@ -331,7 +330,7 @@ class DeckMaterials:
         DeckError
             As of `orientation`.
         """
-        name = fields(card.data[0])[0] if card.data else ""
+        name = next(iter(card.row), "")
         rest = Card("", {}, card.line)
         if name and not name.lstrip("+-.")[:1].isdigit():
             rest = card.scope.find(name, self.distributions, "distribution", card.data[0])
@@ -378,19 +377,16 @@ class DeckMaterials:
         axes = np.tile(np.eye(3), (len(labels), 1, 1))
         directed = False
         for section in self.sections:
-            found = np.array(
-                sorted(element_sets.find(section.element_set, section.line, section.scope)), dtype=np.int64
-            )
-            members = found[found < len(labels)]
+            found = element_sets.find(section.element_set, section.line, section.scope)
+            members = np.array(sorted(one for one in found if one < len(labels)), dtype=np.int64)
             base = self._axes(section, centres[members])
             self._except(section, element_sets, members, centres[members], base)
             name = section.material.upper()
             if name not in used:
                 used[name] = len(materials)
                 layered = section.layers and len(members)
-                materials.append(
-                    self._laminate(section, centres[members], base) if layered else self._material(section)
-                )
+                made = self._laminate(section, centres[members], base) if layered else self._material(section)
+                materials.append(made)
             row = used[name]
             taken = members[(rows[members] != NO_MATERIAL) & (rows[members] != row)]
             if len(taken):

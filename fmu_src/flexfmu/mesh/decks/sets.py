@@ -1,6 +1,6 @@
 """Node sets, element sets and surfaces of a deck."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -8,8 +8,9 @@ import numpy as np
 
 from flexfmu.files.array_types import IntArray
 from flexfmu.files.errors import listed
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.cards import FLAT, Card, Line, Scope, fields, integer
-from flexfmu.mesh.decks.geometry import Elements
+from flexfmu.mesh.decks.geometry import Element, Elements, NodeTable
 
 
 @dataclass(slots=True)
@@ -140,9 +141,7 @@ class SetTable:
         if len(found) != 1:
             where = "is in several instances" if found else "is not defined"
             names = (self.spelling[name] for name in found) if found else self.spelling.values()
-            raise line.error(
-                f"{self.kind} set '{entry}' {where} (known: {listed(names)}); define it or correct the name"
-            )
+            raise line.error(f"{self.kind} set '{entry}' {where} (known: {listed(names)}); define or correct it")
         return self.members[found[0]]
 
     def named(self, name: str, scope: Scope) -> list[str]:
@@ -188,10 +187,84 @@ class SetTable:
             raise line.error(f"there is no {self.kind} from {first} to {last}; correct the range")
         if len(found) < len(labels):
             # Both solvers pass over gaps in the numbering.
-            self.notes.append(
-                f"{line.place}: {len(labels) - len(found)} numbers from {first} to {last} belong to no {self.kind}"
-            )
+            gaps = len(labels) - len(found)
+            self.notes.append(f"{line.place}: {gaps} numbers from {first} to {last} belong to no {self.kind}")
         return found
+
+
+class Deck(NamedTuple):
+    """What cards name, and what is said of them.
+
+    Attributes
+    ----------
+    node_sets, element_sets : SetTable
+    elements : Elements
+    units : UnitSystem
+    notes : list of str
+        Gets what is found, left out or does nothing.
+    """
+
+    node_sets: SetTable
+    element_sets: SetTable
+    elements: Elements
+    units: UnitSystem
+    notes: list[str]
+
+    @property
+    def nodes(self) -> NodeTable:
+        """All nodes."""
+        return self.elements.nodes
+
+    @property
+    def turning(self) -> set[int]:
+        """Nodes of shells and beams."""
+        return self.elements.shell_nodes_of(range(self.elements.solid_count))
+
+    def members(self, card: Card) -> set[int]:
+        """Return the elements of a card's set.
+
+        Parameters
+        ----------
+        card : Card
+
+        Returns
+        -------
+        set of int
+            Their places.
+
+        Raises
+        ------
+        DeckError
+            The set is missing or unknown.
+        """
+        return self.element_sets.find(card.required("ELSET"), card.line, card.scope)
+
+    def chosen(self, card: Card, kinds: Collection[str]) -> list[Element]:
+        """Return the elements of a card's set, which are no solids but of certain types.
+
+        Parameters
+        ----------
+        card : Card
+        kinds : collection of str
+
+        Returns
+        -------
+        list of Element
+
+        Raises
+        ------
+        DeckError
+            The set is missing, unknown or holds others.
+        """
+        members = self.members(card)
+        chosen = self.elements.others_of(members)
+        others = sorted({one.name for one in chosen} - set(kinds)) or ["solids"] * (len(chosen) < len(members))
+        if others:
+            raise card.line.error(
+                f"*{card.keyword} is for elements of type {', '.join(kinds)}, set '{card.parameters['ELSET']}' holds "
+                f"others: {', '.join(others)}; name a set of these alone, or mesh this part with them"
+            )
+        return chosen
 
 
 # Sides of a face, an edge's own surface: all its nodes.
@@ -216,15 +289,14 @@ class DeckSurface(NamedTuple):
     shells: tuple[IntArray, ...]
 
 
-def surface(card: Card, node_sets: SetTable, element_sets: SetTable, elements: Elements) -> DeckSurface:
+def surface(card: Card, deck: Deck) -> DeckSurface:
     """Return the surface of a *SURFACE card.
 
     Parameters
     ----------
     card : Card
         TYPE=NODE, or TYPE=ELEMENT with a face S1 ... S6 on each row.
-    node_sets, element_sets : SetTable
-    elements : Elements
+    deck : Deck
 
     Returns
     -------
@@ -235,6 +307,7 @@ def surface(card: Card, node_sets: SetTable, element_sets: SetTable, elements: E
     DeckError
         A member is unknown, or a row does not name a face of its elements.
     """
+    node_sets, element_sets, elements, *_ = deck
     kind = card.parameters.get("TYPE", "ELEMENT").upper()
     if kind not in ("NODE", "ELEMENT"):
         raise card.line.error(f"*SURFACE, TYPE={kind} is not supported (supported: NODE, ELEMENT); name its nodes")

@@ -12,9 +12,9 @@ from flexfmu.files.errors import MeshError, listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import Beam, CrossSection, box, ellipse, i_section, l_section, pipe, rectangle
 from flexfmu.mesh.decks.cards import Card, fields, number
-from flexfmu.mesh.decks.geometry import Elements, ElementTable
+from flexfmu.mesh.decks.geometry import ElementTable
 from flexfmu.mesh.decks.materials import DeckMaterials, MaterialCard, plies
-from flexfmu.mesh.decks.sets import SetTable
+from flexfmu.mesh.decks.sets import Deck
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.shells import MOST_NODES, at_nodes
 
@@ -22,13 +22,7 @@ Made = TypeVar("Made")
 
 
 def take(
-    card: Card,
-    element_sets: SetTable,
-    elements: Elements,
-    table: ElementTable,
-    kinds: Mapping[str, ElementType],
-    made: dict[int, Made],
-    value: Made,
+    card: Card, deck: Deck, table: ElementTable, kinds: Mapping[str, ElementType], made: dict[int, Made], value: Made
 ) -> None:
     """Give the elements of a section what it makes of them.
 
@@ -36,9 +30,8 @@ def take(
     ----------
     card : Card
         With a set.
-    element_sets : SetTable
-    elements : Elements
-        Of which they are not a part yet.
+    deck : Deck
+        Of whose body they are not a part yet.
     table : ElementTable
         Gets them as elements of the body.
     kinds : mapping of str to ElementType
@@ -52,21 +45,12 @@ def take(
     DeckError
         Another type of element, or an element with two sections.
     """
-    members = element_sets.find(card.required("ELSET"), card.line, card.scope)
-    chosen = elements.others_of(members)
-    if len(chosen) < len(members) or any(one.name not in kinds for one in chosen):
-        names = ", ".join(sorted({one.name for one in chosen} - set(kinds))) or "solids"
-        raise card.line.error(
-            f"*{card.keyword} is for elements of type {', '.join(kinds)}, set '{card.parameters['ELSET']}' holds "
-            f"others: {names}; mesh these with the types named, or with solids"
-        )
-    for one in chosen:
+    for one in deck.chosen(card, kinds):
         if made.setdefault(one.label, value) != value:
             raise card.line.error(f"element {one.label} has another section already; give it one")
         kind = kinds[one.name]
-        table.known[one.label] = one._replace(
-            solid=kind, nodes=[*one.nodes, one.nodes[-1]][:3] if kind.beam else one.nodes
-        )
+        nodes = [*one.nodes, one.nodes[-1]][:3] if kind.beam else one.nodes
+        table.known[one.label] = one._replace(solid=kind, nodes=nodes)
 
 
 KEY = "SHELLSECTION"
@@ -89,19 +73,19 @@ class Faces(NamedTuple):
     by_node: bool
 
 
-def thickness_by_node(cards: Sequence[Card], node_sets: SetTable, labels: IntArray) -> dict[int, float]:
+def thickness_by_node(cards: Sequence[Card], deck: Deck) -> dict[int, float]:
     """Thickness of nodes, by label, of *NODAL THICKNESS."""
-    found: dict[int, float] = {}
+    found, labels = {}, deck.nodes.labels()
     for card in cards:
         for line in card.data:
             entry, value, *_ = [*fields(line), ""]
-            for row in node_sets.find(entry, line, card.scope):
+            for row in deck.node_sets.find(entry, line, card.scope):
                 found[int(labels[row])] = number(value, line, "the thickness")
     return found
 
 
 def take_shells(
-    sections: Sequence[Card], element_sets: SetTable, elements: Elements, table: ElementTable, materials: DeckMaterials
+    sections: Sequence[Card], deck: Deck, table: ElementTable, materials: DeckMaterials
 ) -> dict[int, Faces]:
     """Make shells of the elements that sections name.
 
@@ -109,9 +93,8 @@ def take_shells(
     ----------
     sections : sequence of Card
         *SHELL SECTION.
-    element_sets : SetTable
-    elements : Elements
-        Of which shells are not a part yet.
+    deck : Deck
+        Of whose body shells are not a part yet.
     table : ElementTable
         Gets them as elements of the body.
     materials : DeckMaterials
@@ -129,7 +112,7 @@ def take_shells(
     """
     heights: dict[int, Faces] = {}
     for card in sections:
-        take(card, element_sets, elements, table, _READ_AS, heights, _faces(card))
+        take(card, deck, table, _READ_AS, heights, _faces(card))
         materials.section(card)
     return heights
 
@@ -142,7 +125,7 @@ def _faces(card: Card) -> Faces:
             "thickness"
         )
     card.allow((*_PARAMETERS, _BY_NODE, "COMPOSITE", "LAYUP", "SYMMETRIC"))
-    texts, layers = fields(card.data[0]) if card.data else [], plies(card)
+    texts, layers = card.row, plies(card)
     if not (texts and texts[0]) and _BY_NODE not in card.parameters:
         raise card.line.error("*SHELL SECTION should have a row with the thickness; add it")
     value = sum(layer.thickness for layer in layers)
@@ -234,28 +217,19 @@ _SHAPES: dict[str, tuple[int, str, Callable[[list[float]], CrossSection | None]]
 }
 
 
-def take_beams(
-    cards: Sequence[Card],
-    element_sets: SetTable,
-    elements: Elements,
-    table: ElementTable,
-    materials: DeckMaterials,
-    units: UnitSystem,
-) -> dict[int, Beam]:
+def take_beams(cards: Sequence[Card], deck: Deck, table: ElementTable, materials: DeckMaterials) -> dict[int, Beam]:
     """Make beams of the elements that sections name.
 
     Parameters
     ----------
     cards : sequence of Card
         Of `KEYS`.
-    element_sets : SetTable
-    elements : Elements
-        Of which beams are not a part yet.
+    deck : Deck
+        Of whose body beams are not a part yet.
     table : ElementTable
         Gets them as elements of the body.
     materials : DeckMaterials
         Gets the sections, and materials of general sections.
-    units : UnitSystem
 
     Returns
     -------
@@ -270,21 +244,18 @@ def take_beams(
     beams: dict[int, Beam] = {}
     for card in cards:
         if card.key in KEYS:
-            take(card, element_sets, elements, table, _BEAMS_AS, beams, _beam(card, materials, units))
-            continue
+            take(card, deck, table, _BEAMS_AS, beams, _beam(card, materials, deck.units))
         # The others of a set have their material by its section.
-        members = elements.others_of(element_sets.find(card.required("ELSET"), card.line, card.scope))
-        if any(one.dimension == 1 for one in members):
-            take(card, element_sets, elements, table, BARS, beams, _bar(card, units))
+        elif any(one.dimension == 1 for one in deck.elements.others_of(deck.members(card))):
+            take(card, deck, table, BARS, beams, _bar(card, deck.units))
     return beams
 
 
 def _bar(card: Card, units: UnitSystem) -> Beam:
     """The beam without bending of a *SOLID SECTION."""
-    texts = fields(card.data[0]) if card.data else []
-    area = number(texts[0], card.data[0], "the area") if texts and texts[0] else 1.0
+    area = number(card.row[0], card.first, "the area") if any(card.row[:1]) else 1.0
     if area <= 0.0:
-        raise card.data[0].error(f"the area of bars is {area:g}, expected a positive number")
+        raise card.first.error(f"the area of bars is {area:g}, expected a positive number")
     return Beam(CrossSection((area, 0.0, 0.0, 0.0, inf, inf)).scaled(units.length), (0.0, 0.0, 0.0))
 
 
@@ -313,10 +284,8 @@ def _beam(card: Card, materials: DeckMaterials, units: UnitSystem) -> Beam:
     section = made(rows[0]) if rows and len(rows[0]) >= count else None
     direction = tuple(rows[1]) if rows[1:] and rows[1] else _FIRST_AXIS
     if section is None or not 0.0 < min(section.constants) < inf or len(direction) != 3:
-        words = (
-            f"a section {shape} has {count} positive numbers: {words}; and three of the first axis; found {rows[:2]}"
-        )
-        raise (card.data or [card.line])[0].error(f"{words}. Say others by SECTION=GENERAL")
+        words = f"{shape} has {count} positive numbers: {words}; and three of the first axis; found {rows[:2]}"
+        raise card.first.error(f"{words}. Say others by SECTION=GENERAL")
     place = _place(card, shape, rows[0], units)
     if card.scope.rotation is not None:
         direction = tuple((card.scope.rotation @ direction).tolist())

@@ -19,30 +19,9 @@ from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.elements import ASSUMED
 from flexfmu.mesh.in_memory import Contents, Member, cells_of
 from flexfmu.mesh.model import NO_MATERIAL, Material
+from flexfmu.mesh.nastran import node_cards, shell_cards
 from flexfmu.mesh.nastran.line_cards import CARDS, SPRINGS, LineCard, is_line, lines, springs
-from flexfmu.mesh.nastran.node_cards import (
-    SPIDERS,
-    hinges,
-    joints,
-    lines_of,
-    multi_point_rows,
-    placed,
-    point_masses,
-    rigid_links,
-    single_point_sets,
-    spiders,
-    unit_of_mass,
-)
-from flexfmu.mesh.nastran.shell_cards import (
-    LAYERED,
-    OF_SHELLS,
-    SHELLS,
-    directions,
-    faces_of_shells,
-    layers,
-    material,
-    plate,
-)
+from flexfmu.mesh.nastran.shell_cards import LAYERED, OF_SHELLS, SHELLS, plate
 from flexfmu.mesh.other.extras import imported, quiet
 from flexfmu.mesh.shapes import FACE_SHAPES
 
@@ -110,11 +89,11 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
             return Contents(meshio.read(path))
     bdf = imported("pyNastran.bdf.bdf", path, "pyNastran", "nastran")
     source, punch, ended = _source(path)
-    with placed(path), _without_dump(), quiet(path, "check the file, and what it includes"):
+    with node_cards.placed(path), _without_dump(), quiet(path, "check the file, and what it includes"):
         model = bdf.BDF(debug=None)
         model.disable_cards({name for name in model.cards_to_read if _UNREAD.fullmatch(name)})
         model.read_bdf(source, xref=False, punch=punch, encoding="latin-1")
-    with placed(path), quiet(path, "check its coordinate systems and materials"):
+    with node_cards.placed(path), quiet(path, "check its coordinate systems and materials"):
         contents = _contents(model, path, units)
     if not ended:
         _refuse_early_end(contents, path)
@@ -183,17 +162,18 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     row = {label: place for place, label in enumerate(labels.tolist())}
     points = np.array([model.nodes[label].get_position_no_xref(model) for label in labels.tolist()], dtype=float)
     rejected = [name for name in model.reject_count if name.upper() != name.lower() and not _UNREAD.fullmatch(name)]
-    unknown = [f"{name}{lines_of(path, name)}" for name in rejected]
+    unknown = [f"{name}{node_cards.lines_of(path, name)}" for name in rejected]
     notes = [f"cards of names that pyNastran does not know are left out: {listed(unknown)}"] if unknown else []
     node_sets, element_numbers = _numbered_sets(model)
     turning, solid = (_nodes_of(model, kinds) for kinds in ((*SHELLS, *CARDS), (*_CORNERS,)))
-    pinned = joints(model, points, row)
-    on_body, references = spiders(model, points, row, turning, used := turning | solid, path, notes)
-    node_sets |= on_body | single_point_sets(model, notes)
-    equations, links = pinned + multi_point_rows(model, row, path, notes), rigid_links(model, row)
-    soft = springs(model, points, row, used, path, units, notes)
-    masses = point_masses(model, points, row, turning, used, path, units, notes)
-    (shells, faces), bars = faces_of_shells(model, path, notes), lines(model, path, units, unit_of_mass(model))
+    pinned = node_cards.joints(model, points, row)
+    bulk = node_cards.Bulk(model, path, units, points, row, turning, turning | solid, notes)
+    on_body, references = node_cards.spiders(bulk)
+    node_sets |= on_body | node_cards.single_point_sets(model, notes)
+    equations, links = pinned + node_cards.multi_point_rows(bulk), node_cards.rigid_links(model, row)
+    soft, masses = springs(bulk), node_cards.point_masses(bulk)
+    shells, faces = shell_cards.faces_of_shells(model, path, notes)
+    bars = lines(model, path, units, node_cards.unit_of_mass(model))
     materials, of_property = _materials(model, bars, path, units)
     kinds: dict[tuple[str, int], list[Member]] = {}
     for element in model.elements.values():
@@ -221,19 +201,16 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
         sets[f"{model.properties[number].type} {number}"] = [np.flatnonzero(pids == number) for pids in properties]
     for name, numbers in element_numbers.items():
         sets[name] = [np.flatnonzero(np.isin(eids, numbers)) for eids in cell_labels]
-    points_by_name = {
-        name: np.array(sorted(row[label] for label in set(members) if label in row), dtype=np.int64)
-        for name, members in node_sets.items()
-    }
+    rows_of = {name: sorted(row[one] for one in set(members) if one in row) for name, members in node_sets.items()}
     mesh = meshio.Mesh(
         points.reshape(-1, 3),
         cells,
-        point_sets={name: rows for name, rows in points_by_name.items() if rows.size},
+        point_sets={name: np.array(rows, dtype=np.int64) for name, rows in rows_of.items() if rows},
         cell_sets={name: parts for name, parts in sets.items() if any(part.size for part in parts)},
     )
-    axes = directions(model, dict(zip(labels.tolist(), points, strict=True)), path)
+    axes = shell_cards.directions(model, dict(zip(labels.tolist(), points, strict=True)), path)
     more = tuple(notes), references, equations, masses, links, shells, {one.number: one.beam for one in bars}
-    return Contents(mesh, labels, cell_labels, materials, material, *more, hinges(model), faces, axes, soft)
+    return Contents(mesh, labels, cell_labels, materials, material, *more, node_cards.hinges(model), faces, axes, soft)
 
 
 def _nodes_of(model: Any, kinds: Sequence[str]) -> set[int]:
@@ -251,11 +228,10 @@ def _refuse_others(model: Any, path: Path) -> None:
         if not idle and not shell and not _is_face(element, model):
             found.setdefault(element.type, []).append(number)
     for number, element in model.rigid_elements.items():
-        if element.type not in SPIDERS:
+        if element.type not in node_cards.SPIDERS:
             found.setdefault(element.type, []).append(number)
-    known = {one.type for part in (model.elements, model.masses, model.rigid_elements) for one in part.values()} | {
-        "RBAR"
-    }
+    given = model.elements, model.masses, model.rigid_elements
+    known = {"RBAR", *(one.type for part in given for one in part.values())}
     control = model.case_control_deck
     chosen = {key for one in control.subcases.values() for key in one.params} if control else set()
     for name in model.card_count:
@@ -265,10 +241,9 @@ def _refuse_others(model: Any, path: Path) -> None:
     if model.superelement_models:
         found["BEGIN SUPER"] = list(model.superelement_models)
     if found:
-        parts = "; ".join(
-            f"{name} {listed(numbers) if numbers else ''}{lines_of(path, name.replace(' ', _OF_SUPER), *numbers[:1])}"
-            for name, numbers in found.items()
-        )
+        places = (node_cards.lines_of(path, name.replace(" ", _OF_SUPER), *some[:1]) for name, some in found.items())
+        every = zip(found.items(), places, strict=True)
+        parts = "; ".join(f"{name} {listed(some) if some else ''}{place}" for (name, some), place in every)
         raise MeshError(
             f"{path} holds what is no solid: {parts}; supported are "
             f"{', '.join([*_CORNERS, *SHELLS, *CARDS, *SPRINGS])} (RBE2, "
@@ -327,7 +302,7 @@ def _materials(
     model: Any, bars: Sequence[LineCard], path: Path, units: UnitSystem
 ) -> tuple[tuple[Material, ...], Mapping[int, int]]:
     """Materials, and the material of each property by its number."""
-    weight = unit_of_mass(model) * units.density
+    weight = node_cards.unit_of_mass(model) * units.density
     materials: list[Material] = []
     rows: dict[tuple[int, float], int] = {}
     of_property: dict[int, int] = {}
@@ -335,12 +310,10 @@ def _materials(
     for number in {element.pid for element in model.elements.values() if element.type in (*_CORNERS, *SHELLS)}:
         given = model.properties.get(number)
         if given is not None and given.type not in ("PSOLID", *OF_SHELLS):
-            raise MeshError(
-                f"{path}: {given.type} {number} is no property of solids or shells (PSOLID, PSHELL, PCOMP, PCOMPG)"
-            )
+            raise MeshError(f"{path}: {given.type} {number} is no property of solids or shells (PSOLID, PSHELL, PCOMP)")
         if given is not None and given.type in LAYERED and set(given.mids) <= set(model.materials):
             of_property[number] = len(materials)
-            materials.append(_weighed(layers(model, given, units, weight, path)))
+            materials.append(_weighed(shell_cards.layers(model, given, units, weight, path)))
         elif given is not None and given.type in OF_SHELLS[:2] and (own := plate(model, given, units, weight, path)):
             of_property[number] = len(materials)
             materials.append(_weighed(own))
@@ -357,7 +330,7 @@ def _materials(
             continue
         if (mid, more) not in rows:
             rows[mid, more] = len(materials)
-            materials.append(_weighed(material(model, mid, units, weight, path, more)))
+            materials.append(_weighed(shell_cards.material(model, mid, units, weight, path, more)))
         of_property[number] = rows[mid, more]
     return tuple(materials), of_property
 
@@ -374,9 +347,7 @@ def _bars_left_out(model: Any) -> list[str]:
     unread = ("cwa", "cwb", "nsia", "nsib", "m1a", "m2a", "m1b", "m2b")
     sections = [one for one in model.properties.values() if one.type == "PBEAM"]
     if few := [one.pid for one in sections if any(getattr(one, name) for name in unread)]:
-        notes.append(
-            f"PBEAM {listed(few)}: warping, inertia and place of mass beside the section (CW, NSI, M) are left out"
-        )
+        notes.append(f"PBEAM {listed(few)}: warping and inertia and place of extra mass (CW, NSI, M) are left out")
     if lossy := [number for number, one in model.materials.items() if getattr(one, "ge", 0.0)]:
         notes.append(f"structural damping GE of materials {listed(lossy)} is left out: give [damping]")
     for name, why in _PARAMETERS.items():
@@ -384,7 +355,5 @@ def _bars_left_out(model: Any) -> list[str]:
         notes += [f"PARAM {name} = {given} is left out: {why}"] if given not in (0, 0.0, "NO", "N") else []
     for name in ("MATT1", "MATT2", "MATT8", "MATT9", "MATS1"):
         if found := getattr(model, name, None):
-            notes.append(
-                f"{name} {listed(found)} are left out: constants are those of the MAT, and the body is elastic"
-            )
+            notes.append(f"{name} {listed(found)} are left out: constants are those of the MAT, the body is elastic")
     return notes

@@ -10,31 +10,20 @@ import numpy as np
 from flexfmu.files.array_types import FloatArray, IntArray
 from flexfmu.files.errors import MeshError
 from flexfmu.files.units import UnitSystem
-from flexfmu.mesh.beams import (
-    Beam,
-    CrossSection,
-    box,
-    channel,
-    ellipse,
-    hat,
-    i_section,
-    l_section,
-    pipe,
-    rectangle,
-    z_section,
-)
+from flexfmu.mesh import beams
+from flexfmu.mesh.beams import Beam, CrossSection, channel, i_section
 from flexfmu.mesh.model import Along, SpringDamper, springs_note, unit_of
-from flexfmu.mesh.nastran.node_cards import carriers
+from flexfmu.mesh.nastran.node_cards import Bulk, carriers
 
 PROPERTIES = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",), "CTUBE": ("PTUBE",)}
 CARDS = (*PROPERTIES, "CONROD")
 # First axis y, up in the pictures of the manuals, second z, to the right.
 _SHAPES: dict[str, Callable[..., CrossSection]] = {
-    "ROD": lambda r: CrossSection(ellipse(2.0 * r, 2.0 * r)),
-    "TUBE": lambda outer, inner: CrossSection(pipe(outer, outer - inner)),
-    "TUBE2": lambda outer, wall: CrossSection(pipe(outer, wall)),
-    "BAR": lambda width, height: CrossSection(rectangle(height, width)),
-    "BOX": lambda width, height, flange, side: CrossSection(box(height, width, flange, side)),
+    "ROD": lambda r: CrossSection(beams.ellipse(2.0 * r, 2.0 * r)),
+    "TUBE": lambda outer, inner: CrossSection(beams.pipe(outer, outer - inner)),
+    "TUBE2": lambda outer, wall: CrossSection(beams.pipe(outer, wall)),
+    "BAR": lambda width, height: CrossSection(beams.rectangle(height, width)),
+    "BOX": lambda width, height, flange, side: CrossSection(beams.box(height, width, flange, side)),
     "I": lambda height, low, high, web, below, above: i_section(height, (low, high), (below, above), web).transposed,
     "I1": lambda over, web, inside, height: (
         i_section(height, (over + web,) * 2, (0.5 * (height - inside),) * 2, web).transposed
@@ -43,9 +32,9 @@ _SHAPES: dict[str, Callable[..., CrossSection]] = {
     "T": lambda width, height, flange, web: i_section(height, (0.0, width), (0.0, flange), web).transposed,
     "T2": lambda width, height, flange, web: i_section(height, (width, 0.0), (flange, 0.0), web).transposed,
     "T1": lambda height, foot, web, flange: i_section(foot + web, (0.0, height), (0.0, web), flange),
-    "Z": lambda foot, web, inside, height: z_section(foot, web, 0.5 * (height - inside), height).transposed,
-    "HAT": lambda height, wall, width, foot: hat(width, height, foot, wall).transposed,
-    "L": lambda width, height, foot, leg: l_section(width, height, foot, leg).transposed,
+    "Z": lambda foot, web, inside, height: beams.z_section(foot, web, 0.5 * (height - inside), height).transposed,
+    "HAT": lambda height, wall, width, foot: beams.hat(width, height, foot, wall).transposed,
+    "L": lambda width, height, foot, leg: beams.l_section(width, height, foot, leg).transposed,
     "CHAN": lambda width, height, web, flange: channel(width, height, web, flange).transposed,
     "CHAN1": lambda over, web, inside, height: channel(over + web, height, web, 0.5 * (height - inside)).transposed,
 }
@@ -121,9 +110,7 @@ def _section(given: Any, title: str, model: Any) -> tuple[CrossSection, tuple[fl
     if given.type in ("PBARL", "PBEAML"):
         values, shape = np.atleast_2d(np.array(given.dim, dtype=float)), given.Type
         if shape not in _SHAPES:
-            raise MeshError(
-                f"{title} is a {shape}, supported are {', '.join(_SHAPES)}: give A, I1, I2, J by PBAR or PBEAM"
-            )
+            raise MeshError(f"{title} is a {shape}, supported are {', '.join(_SHAPES)}: give A, I, J by PBAR or PBEAM")
         section = _SHAPES[shape](*_constant(values, title).tolist())
         # Grid points are at the shear centre of a CBEAM, and where all centres are of a CBAR.
         place = section.shear_centre if given.type == "PBEAML" else section.centroid
@@ -139,14 +126,13 @@ def _section(given: Any, title: str, model: Any) -> tuple[CrossSection, tuple[fl
         section = CrossSection((given.A, given.i1, given.i2, given.j, *_sheared(given, given.A)), given.i12)
     elif given.type == "PTUBE":
         outer = _constant(np.array([[given.OD1], [given.OD2]]), title).item()
-        area, _, _, torsion, *_ = pipe(0.5 * outer, given.t or 0.5 * outer)
+        area, _, _, torsion, *_ = beams.pipe(0.5 * outer, given.t or 0.5 * outer)
         section = CrossSection((area, 0.0, 0.0, torsion, inf, inf))
     else:
         section = CrossSection((given.A, 0.0, 0.0, given.j, inf, inf))
     if not section.constants[0] > 0.0 or min(section.constants) < 0.0:
-        raise MeshError(
-            f"{title} has the area {section.constants[0]:g} and constants {section.constants[1:4]}: give it one"
-        )
+        area, *others, _, _ = section.constants
+        raise MeshError(f"{title} has the area {area:g} and constants {others}: give it one")
     material = model.materials.get(given.mid)
     if material is not None and material.type == "MAT1" and material.g and material.e:
         # G may be given beside E and NU.
@@ -159,9 +145,7 @@ def _section(given: Any, title: str, model: Any) -> tuple[CrossSection, tuple[fl
 def _constant(stations: FloatArray, title: str) -> FloatArray:
     """What all stations (s, k) along a beam have in common."""
     if (np.ptp(stations, axis=0) > _ROUND_OFF * np.abs(stations).max(axis=0)).any():
-        raise MeshError(
-            f"{title} changes along the beam, which is not supported: give several beams their mean sections"
-        )
+        raise MeshError(f"{title} changes along the beam: not supported; give several beams their mean sections")
     found: FloatArray = stations.mean(axis=0)
     return found
 
@@ -215,25 +199,12 @@ _PARALLEL = 1e-6
 _GROUND = np.zeros(0, dtype=np.int64)
 
 
-def springs(
-    model: Any, points: FloatArray, row: Mapping[int, int], used: Set[int], path: Path, units: UnitSystem,
-    notes: list[str],
-) -> tuple[SpringDamper, ...]:  # fmt: skip
+def springs(bulk: Bulk) -> tuple[SpringDamper, ...]:
     """Return the springs and dampers between grid points, or from one to the ground.
 
     Parameters
     ----------
-    model : pyNastran.bdf.bdf.BDF
-    points : (n, 3) float
-        In the file's units.
-    row : mapping of int to int
-        Rows of `points` by grid point.
-    used : set of int
-        Grid points of other elements.
-    path : Path
-    units : UnitSystem
-    notes : list of str
-        Gets what is found and what is left out.
+    bulk : Bulk
 
     Returns
     -------
@@ -244,35 +215,33 @@ def springs(
     MeshError
         Tables, other directions at both ends, or an end that nothing carries.
     """
-    held, carried = _held(model), carriers(model)
+    model, held, carried = bulk.model, _held(bulk.model), carriers(bulk.model)
     found, lossy = [], []
     for number, one in sorted(model.elements.items()):
         if one.type in SPRINGS:
-            title = f"{path}: {one.type} {number}"
+            title = f"{bulk.path}: {one.type} {number}"
             given = _property(model, one, title)
             if getattr(given, "ge", 0.0) or any(getattr(given, "GEi", ())):
                 lossy.append(f"{one.type} {number}")
             grids = [node or 0 for node in one.nodes]
-            ends = [_end(grid, row, used, carried, held, title) for grid in grids]
-            found.append(_spring(model, one, given, grids, ends, points, row, title, units))
-    notes.extend(springs_note(found))
+            ends = [_end(grid, bulk, carried, held, title) for grid in grids]
+            found.append(_spring(bulk, one, given, grids, ends, title))
+    bulk.notes.extend(springs_note(found))
     if lossy:
-        notes.append(f"structural damping GE of {', '.join(lossy)} is left out: give B")
+        bulk.notes.append(f"structural damping GE of {', '.join(lossy)} is left out: give B")
     return tuple(found)
 
 
-def _spring(
-    model: Any, one: Any, given: Any, grids: list[int], ends: list[IntArray], points: FloatArray,
-    row: Mapping[int, int], title: str, units: UnitSystem,
-) -> SpringDamper:  # fmt: skip
+def _spring(bulk: Bulk, one: Any, given: Any, grids: list[int], ends: list[IntArray], title: str) -> SpringDamper:
     """What a card is, between ends of grid points, 0 on the ground."""
+    model, _, units, points, row, *_ = bulk
     name, factor = f"{one.type} {one.eid}", np.array([unit_of(direction, units) for direction in range(6)])
     if not ends[0].size:
         ends, grids = ends[::-1], grids[::-1]
     first = points[row[grids[0]]]
     places = np.array([first, points[row[grids[1]]] if grids[1] else first])
     if one.type == "CBUSH":
-        along, (axes, joint) = Along.END, _bush(model, one, places, points, row, title)
+        along, (axes, joint) = Along.END, _bush(bulk, one, places, title)
         numbers = [np.array([k or 0.0 for k in (*part, *[0.0] * 6)][:6]) for part in (given.Ki, given.Bi)]
     else:
         along, axes, joint = Along.FIXED, np.eye(3), places.mean(axis=0)
@@ -288,9 +257,7 @@ def _property(model: Any, one: Any, title: str) -> Any:
     if one.pid not in model.properties:
         raise MeshError(f"{title} names the property {one.pid}, which is not there")
     if any(one.pid in getattr(model, name, {}) for name in ("pbusht", "pelast", "pdampt")):
-        raise MeshError(
-            f"{title} has tables over frequency or force: give its numbers in {model.properties[one.pid].type}"
-        )
+        raise MeshError(f"{title} has tables over frequency or force: give numbers in {model.properties[one.pid].type}")
     if getattr(model.properties[one.pid], "mass", None) and one.type == "CBUSH":
         raise MeshError(f"{title} has a mass (M of PBUSH {one.pid}), which is not supported: give it by CONM2")
     return model.properties[one.pid]
@@ -300,21 +267,15 @@ def _single(model: Any, one: Any, given: Any, grids: list[int], title: str) -> t
     """Stiffness and damping (6,) of a card of one direction."""
     directions = {c for grid, c in zip(one.nodes, (one.c1, one.c2), strict=True) if grid}
     if len(directions) != 1 or not 1 <= min(directions) <= 6:
-        raise MeshError(
-            f"{title} joins the directions {one.c1} and {one.c2}: both must be the same, 1 to 6; use an MPC"
-        )
+        raise MeshError(f"{title} joins the directions {one.c1} and {one.c2}: both must be one of 1 to 6; use an MPC")
     if any(grid and model.nodes[grid].cd for grid in grids):
-        raise MeshError(
-            f"{title} is along axes of a GRID (CD): take a CBUSH with CID, or grid points in the basic system"
-        )
+        raise MeshError(f"{title} is along axes of a GRID (CD): take a CBUSH with CID, or grids in the basic system")
     numbers, still = np.zeros(6), np.zeros(6)
     numbers[min(directions) - 1] = given.b if one.type.startswith("CDAMP") else given.k
     return (still, numbers) if one.type.startswith("CDAMP") else (numbers, still)
 
 
-def _bush(
-    model: Any, one: Any, places: FloatArray, points: FloatArray, row: Mapping[int, int], title: str
-) -> tuple[FloatArray, FloatArray]:
+def _bush(bulk: Bulk, one: Any, places: FloatArray, title: str) -> tuple[FloatArray, FloatArray]:
     """Axes (3, 3), in rows, of a CBUSH, and the place of its joint."""
     line = places[1] - places[0]
     length = float(np.linalg.norm(line))
@@ -322,11 +283,13 @@ def _bush(
         raise MeshError(f"{title} lies beside the line of its grid points (OCID): move the grid points there")
     joint = places[0] + (0.5 if one.s is None else one.s) * line
     if one.cid is not None:
-        system = model.coords[one.cid]
+        system = bulk.model.coords[one.cid]
         if system.type[-1] != "R":
             raise MeshError(f"{title} is along the {system.type} {one.cid}, expected a rectangular system")
         return np.asarray(system.beta(), dtype=float), joint
-    toward = points[row[one.g0]] - places[0] if one.g0 else None if one.x[0] is None else np.array(one.x, dtype=float)
+    toward = bulk.points[bulk.row[one.g0]] - places[0] if one.g0 else None
+    if not one.g0 and one.x[0] is not None:
+        toward = np.array(one.x, dtype=float)
     if not length:
         if toward is not None:
             raise MeshError(f"{title} joins one place, which has no line: give its axes by CID")
@@ -342,17 +305,15 @@ def _bush(
     return np.array([first, np.cross(third, first), third]), joint
 
 
-def _end(
-    grid: int, row: Mapping[int, int], used: Set[int], carried: Mapping[int, list[int]], held: Set[int], title: str
-) -> IntArray:
+def _end(grid: int, bulk: Bulk, carried: Mapping[int, list[int]], held: Set[int], title: str) -> IntArray:
     """Rows of the points that carry an end; none on the ground."""
-    nodes = [grid] if grid in used else carried.get(grid, [])
+    nodes = [grid] if grid in bulk.used else carried.get(grid, [])
     if grid and not nodes and grid not in held:
         raise MeshError(
             f"{title} ends at GRID {grid}, which belongs to no element, RBE2 or RBE3 and is not held: join it to the "
             "body (RBE2), or hold it (SPC 123) as ground"
         )
-    return np.array(sorted({row[node] for node in nodes}), dtype=np.int64) if nodes else _GROUND
+    return np.array(sorted({bulk.row[node] for node in nodes}), dtype=np.int64) if nodes else _GROUND
 
 
 def _held(model: Any) -> set[int]:

@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,23 +30,40 @@ _UNNAMED = r"C(?:ORD|QUAD|TRIA)\w+"
 _INCLUDE = re.compile(r"^\s*INCLUDE\s+'([^']+)'", re.MULTILINE | re.IGNORECASE)
 
 
-def spiders(
-    model: Any, points: FloatArray, row: Mapping[int, int], turning: Set[int], used: Set[int], path: Path,
-    notes: list[str],
-) -> tuple[dict[str, list[int]], dict[str, FloatArray]]:  # fmt: skip
-    """Return the nodes of RBE2 and RBE3 on the body, and their reference points.
+class Bulk(NamedTuple):
+    """Bulk data, and what is said of them.
 
-    Parameters
+    Attributes
     ----------
     model : pyNastran.bdf.bdf.BDF
+    path : Path
+    units : UnitSystem
     points : (n, 3) float
+        In the file's units.
     row : mapping of int to int
         Rows of `points` by grid point.
     turning, used : set of int
         Grid points of shells and beams, and of all elements.
-    path : Path
     notes : list of str
-        Gets what is left out of each.
+        Gets what is found and what is left out.
+    """
+
+    model: Any
+    path: Path
+    units: UnitSystem
+    points: FloatArray
+    row: Mapping[int, int]
+    turning: Set[int]
+    used: Set[int]
+    notes: list[str]
+
+
+def spiders(bulk: Bulk) -> tuple[dict[str, list[int]], dict[str, FloatArray]]:
+    """Return the nodes of RBE2 and RBE3 on the body, and their reference points.
+
+    Parameters
+    ----------
+    bulk : Bulk
 
     Returns
     -------
@@ -59,6 +76,7 @@ def spiders(
     MeshError
         Some that are not rigid share a reference, hang on another or on an element: they join the body's parts.
     """
+    model, path, _, points, row, turning, used, notes = bulk
     ends = spider_ends(model)
     uses = Counter(reference for _, reference in ends.values())
     loose: set[int] = set()
@@ -183,17 +201,12 @@ def carriers(model: Any) -> dict[int, list[int]]:
     return found | {reference: nodes for nodes, reference in spider_ends(model).values()}
 
 
-def multi_point_rows(model: Any, row: Mapping[int, int], path: Path, notes: list[str]) -> list[dict[int, float]]:
+def multi_point_rows(bulk: Bulk) -> list[dict[int, float]]:
     """Return the equations of the MPC set that the case control chooses, or of the only one.
 
     Parameters
     ----------
-    model : pyNastran.bdf.bdf.BDF
-    row : mapping of int to int
-        Rows of the nodes by grid point.
-    path : Path
-    notes : list of str
-        Gets a set that is taken though nothing chooses it.
+    bulk : Bulk
 
     Returns
     -------
@@ -205,9 +218,10 @@ def multi_point_rows(model: Any, row: Mapping[int, int], path: Path, notes: list
     MeshError
         Several sets and none that is chosen, or terms that are no translations in the global system.
     """
+    model, path, row = bulk.model, bulk.path, bulk.row
     if not model.mpcs:
         return []
-    cards = [card for number in _chosen_set(model, path, notes) for card in model.mpcs.get(number, ())]
+    cards = [card for number in _chosen_set(model, path, bulk.notes) for card in model.mpcs.get(number, ())]
     found: list[dict[int, float]] = []
     for card in cards:
         terms: dict[int, float] = {}
@@ -307,25 +321,12 @@ def _heavy(model: Any, path: Path) -> dict[int, Any]:
     return found
 
 
-def point_masses(
-    model: Any, points: FloatArray, row: Mapping[int, int], turning: Set[int], used: Set[int], path: Path,
-    units: UnitSystem, notes: list[str],
-) -> tuple[PointMass, ...]:  # fmt: skip
+def point_masses(bulk: Bulk) -> tuple[PointMass, ...]:
     """Return the masses of CONM2, and of CMASS1 and CMASS2 that are alike in all directions.
 
     Parameters
     ----------
-    model : pyNastran.bdf.bdf.BDF
-    points : (n, 3) float
-        In the file's units.
-    row : mapping of int to int
-        Rows of `points` by grid point.
-    turning, used : set of int
-        Grid points of shells and beams, and of all elements.
-    path : Path
-    units : UnitSystem
-    notes : list of str
-        Gets what is left out.
+    bulk : Bulk
 
     Returns
     -------
@@ -336,6 +337,7 @@ def point_masses(
     MeshError
         A mass in another coordinate system, or on a grid point that nothing carries.
     """
+    model, path, units, points, row, turning, used, notes = bulk
     weight = unit_of_mass(model) * units.density * units.length**3
     carried = carriers(model)
     found = []
@@ -350,14 +352,11 @@ def point_masses(
         i11, i21, i22, i31, i32, i33 = (float(value) for value in one.I)
         inertia = np.array([[i11, -i21, -i31], [-i21, i22, -i32], [-i31, -i32, i33]])
         if nodes == [one.nid] and one.nid not in turning and (offset.any() or inertia.any()):
-            notes.append(
-                f"{one.type} {number}: GRID {one.nid} of a solid does not turn: its offset and inertia do nothing"
-            )
+            notes.append(f"{one.type} {number}: GRID {one.nid} of a solid does not turn: offset and inertia do nothing")
             offset, inertia = np.zeros(3), np.zeros((3, 3))
         rows = np.array(sorted({row[node] for node in nodes}), dtype=np.int64)
         at = (points[row[one.nid]] + offset) * units.length
-        found.append(
-            PointMass(f"{one.type} {number}", at, rows, float(one.mass) * weight, inertia * weight * units.length**2)
-        )
+        inertia = inertia * weight * units.length**2
+        found.append(PointMass(f"{one.type} {number}", at, rows, float(one.mass) * weight, inertia))
     notes.extend(masses_note(found, "points"))
     return tuple(found)

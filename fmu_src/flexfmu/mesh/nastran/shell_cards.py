@@ -87,9 +87,8 @@ def directions(model: Any, place: dict[int, FloatArray], path: Path) -> dict[int
             continue
         first, second, third = (place[node] for node in element.nodes[:3])
         last = third if "TRIA" in element.type else place[element.nodes[3]]
-        normal = (
-            np.cross(third - first, last - second) if last is not third else np.cross(second - first, third - first)
-        )
+        sides = (third - first, last - second) if last is not third else (second - first, third - first)
+        normal = np.cross(*sides)
         normal /= np.linalg.norm(normal)
         if own.type == "PSHEAR":
             _refuse_skew([place[node] for node in element.nodes], f"{path}: {element.type} {element.eid}")
@@ -180,9 +179,7 @@ def material(model: Any, number: int, units: UnitSystem, weight: float, path: Pa
         rows = (found.G11, found.G12, found.G13), (found.G12, found.G22, found.G23), (found.G13, found.G23, found.G33)
         plane, across = np.array(rows), [found.G33] * 2
     else:
-        raise MeshError(
-            f"{path}: {found.type} {number} is the material of shells, expected MAT1, or of shells MAT2 or MAT8"
-        )
+        raise MeshError(f"{path}: {found.type} {number} is the material of shells, expected MAT1, MAT2 or MAT8")
     stiff = np.diag([0.0, 0.0, plane[1, 1], 0.0, across[1], across[0]])
     stiff[_PLANE[:, None], _PLANE] = plane
     if np.linalg.eigvalsh(stiff)[0] <= 0.0:

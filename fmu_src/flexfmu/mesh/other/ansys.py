@@ -77,9 +77,7 @@ def _refuse_cut_short(text: list[str], path: Path) -> None:
     """Refuse blocks without their end, beyond which the library would read."""
     names = [line.partition(",")[0].strip().upper() for line in text]
     if "NBLOCK" not in names or "EBLOCK" not in names:
-        raise MeshError(
-            f"{path} holds no NBLOCK and EBLOCK: it is no blocked archive, or cut short; write it with CDWRITE"
-        )
+        raise MeshError(f"{path} holds no NBLOCK and EBLOCK: no blocked archive, or cut short; write it with CDWRITE")
 
 
 def _nodes(text: list[str], path: Path) -> tuple[IntArray, FloatArray]:
@@ -110,9 +108,7 @@ def _refuse_what_is_missing(archive: Any, nodes: int, text: list[str], path: Pat
             heads = [head for head in heads if len(head) > 2 and head[2].strip() == "SOLID"]
         told = [int(head[-1]) for head in heads if len(head) > 4 and head[-1].strip().isdigit()]
         if len(told) == len(heads) and told and sum(told) != found:
-            raise MeshError(
-                f"{path}: {block} holds {found} entries, its head says {sum(told)}: cut short? write it again"
-            )
+            raise MeshError(f"{path}: {block} holds {found} entries, its head says {sum(told)}: cut short? write anew")
 
 
 def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> Contents:

@@ -113,7 +113,7 @@ def cut_at(config: BodyOptions, model: Model, found: Sequence[LoopSection]) -> t
         names.append(name)
         x, y, z = one.place
         notes.append(
-            f'cut = "auto": cut {k} at ({x:.4g}, {y:.4g}, {z:.4g}) m, {one.nodes.size} nodes, {one.width:.3g} m wide'
+            f'cut = "auto": cut {k} at ({x:.4g}, {y:.4g}, {z:.4g}) m, {one.nodes.size} nodes, {one.width:.3g} m'
         )
     if not found:
         notes.append('cut = "auto": no loop that a slender section opens; the body stays in one piece')
@@ -154,9 +154,7 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportNodes
         first = first[origin]
         copied = origin[len(fixed) :]
         if fixed[copied].any() or spring[copied].any():
-            raise BodyFileError(
-                f"[[cut]] nodes = {cut!r}: a support holds nodes of the section; cut away from supports"
-            )
+            raise BodyFileError(f"[[cut]] nodes = {cut!r}: a support holds nodes of it; cut away from supports")
         fixed, spring, damper = fixed[origin], spring[origin], damper[origin]
     part = connected_parts(mesh)
     if torn := [one.name for one in mesh.masses if np.unique(part[one.nodes]).size > 1]:

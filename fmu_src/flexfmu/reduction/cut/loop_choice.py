@@ -163,9 +163,7 @@ def _decided(config: BodyOptions, model: Model, parts: list[Part], report: Repor
     if gain < _PAYS:
         return _Choice(False, False, f'{begin}; the body stays in one piece (cut = "auto" cuts it)')
     if energy_shares(matrices, forces)[0] > _STOPS:
-        return _Choice(
-            False, True, f"{begin}, but stretch stops it before it turns far: it stays in one piece, with one frame"
-        )
+        return _Choice(False, True, f"{begin}, but stretch stops it before it turns far: one piece, one frame")
     return _Choice(True, False, f"{begin}, and it can turn far: it is cut (cut = [] leaves it in one piece)")
 
 

@@ -21,18 +21,8 @@ from ...model.methods import Mass, Method, has_frames
 from ...model.modal_file import write_modal_file
 from ...model.reduced_body import ReducedBody
 from ...model.variants import lean
-from ..candidates import (
-    BASES,
-    EXACT,
-    REDUCED,
-    SINGLE,
-    Candidate,
-    Reduction,
-    candidates,
-    frames_words,
-    grouped,
-    offered_frames,
-)
+from .. import candidates
+from ..candidates import Candidate, Reduction, frames_words
 from ..fmu_cost import FmuTimer, fmu_timer
 from ..front import QUANTITIES, cost_axis, front
 from ..records import KEY, RECORDS, Record, RecordFile
@@ -67,7 +57,7 @@ def finite_element_records(
     ------
     Record
     """
-    rows = [row for row in kept.rows if row.solver == REDUCED and row.status == "ok"]
+    rows = [row for row in kept.rows if row.solver == candidates.REDUCED and row.status == "ok"]
     done = {(row.solver, row.case) for row in kept.rows}
     if not rows:
         return
@@ -146,14 +136,14 @@ class Grid:
     def of(cls, scene: Scene, models: Sequence[Candidate]) -> "Grid":
         """Grid of the models of a scene."""
         modes = sorted({model.reduction.modes for model in models})
-        return cls(tuple(models), tuple(modes), tuple(offered_frames(scene.config, scene.file.sweep.frames)))
+        return cls(tuple(models), tuple(modes), tuple(candidates.offered_frames(scene.config, scene.file.sweep.frames)))
 
     def coarse(self) -> list[Candidate]:
         """Few modes and few frames under the main methods, in one basis."""
         methods = {m.variant.method for m in self.models}
         bases = {m.reduction.basis for m in self.models}
-        steps = {m.internal_step for m in self.models} - {EXACT}
-        step = SINGLE if SINGLE in steps else max(steps, default=EXACT)
+        steps = {m.internal_step for m in self.models} - {candidates.EXACT}
+        step = candidates.SINGLE if candidates.SINGLE in steps else max(steps, default=candidates.EXACT)
         # Each method with the mass that it has by default, where that is listed.
         usual = [Mass.POLYNOMIAL, Mass.CONSTANT, Mass.CONFIGURATION].index
         masses = {
@@ -169,7 +159,7 @@ class Grid:
             and m.reduction.basis is min(bases, key=lambda one: (one is not BasisChoice.RESIDUAL, one.value))
             and m.reduction.modes in modes
             and (not _divided(m) or m.reduction.frames in frames)
-            and m.internal_step in (step, EXACT)
+            and m.internal_step in (step, candidates.EXACT)
         ]
 
     def around(self, keys: Collection[tuple[str, ...]]) -> list[Candidate]:
@@ -182,7 +172,7 @@ class Grid:
         """What tells a model from its neighbours; None where that has no meaning for it."""
         reduction, variant = model.reduction, model.variant
         frames = self.frames.index(reduction.frames) if _divided(model) else None
-        step = None if model.internal_step == EXACT else model.internal_step
+        step = None if model.internal_step == candidates.EXACT else model.internal_step
         return self.modes.index(reduction.modes), frames, reduction.basis, variant.method, variant.mass, step
 
 
@@ -198,7 +188,7 @@ def _distance(place: tuple[object, ...], other: tuple[object, ...]) -> int:
 
 def members(rows: Sequence[Record]) -> set[tuple[str, ...]]:
     """Keys of the models on the fronts of all that a chart shows, and of the error over the tolerance."""
-    rows = [row for row in rows if row.solver == REDUCED and row.status == "ok"]
+    rows = [row for row in rows if row.solver == candidates.REDUCED and row.status == "ok"]
     axis = cost_axis(rows)
     shown = [q for q in ("share", *QUANTITIES) if any(getattr(row, q) > 0.0 for row in rows)]
     return {row.key for q in shown for row in front(rows, q, axis)}
@@ -248,7 +238,7 @@ def sweep(
     SceneError
     """
     kept = RecordFile(RECORDS, target, scene.digest)
-    wanted = candidates(scene)
+    wanted = candidates.candidates(scene)
     report.note(f"{len(wanted)} combinations, {sum(c.key in kept for c in wanted)} of them recorded already")
     workshop = Workshop(scene, report, store, crew)
     with fmu_timer(fmu) as timer:
@@ -284,7 +274,7 @@ class _Trial:
     @property
     def _drawable(self) -> bool:
         """Whether any model has an answer."""
-        return any(row.status == "ok" and row.solver == REDUCED for row in self._kept.rows)
+        return any(row.status == "ok" and row.solver == candidates.REDUCED for row in self._kept.rows)
 
     def draw(self) -> None:
         """Draw, and say how much of the sweep it is."""
@@ -338,7 +328,7 @@ class _Trial:
             return
         workshop, done = self._workshop, 0
         _ = workshop.known
-        groups, size = list(grouped(left)), workshop.crew.count
+        groups, size = list(candidates.grouped(left)), workshop.crew.count
         with workshop.report.counted(title, len(left), "models") as tell:
             for first in range(0, len(groups), size):
                 some = groups[first : first + size]
@@ -359,7 +349,8 @@ class _Trial:
 def _words(group: Sequence[Candidate]) -> str:
     first = group[0].reduction
     modes = ", ".join(str(modes) for modes in dict.fromkeys(member.reduction.modes for member in group))
-    return f"{BASES[first.basis.value]}, {modes} modes, {frames_words(first.frames)}: {plural(len(group), 'model')}"
+    basis = candidates.BASES[first.basis.value]
+    return f"{basis}, {modes} modes, {frames_words(first.frames)}: {plural(len(group), 'model')}"
 
 
 def measure(workshop: Workshop, group: Sequence[Candidate]) -> list[tuple[Built, SceneErrors]] | str:

@@ -1,7 +1,6 @@
 """The scene file (TOML): its keys, checked, with errors that name the key."""
 
 from enum import Enum
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from ...files.errors import FlexfmuError
 from ...files.inputs import Kind
 from ...files.limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
-from ...files.toml_files import Name, Positive, Table, different, read_toml, validated
+from ...files.toml_files import Name, Positive, Table, ascending, different, read_toml, validated
 from ...model.methods import Mass, Method
 
 Modes = Annotated[int, Field(ge=1, le=MOST_MODES)]
@@ -54,7 +53,7 @@ class StaticTable(Table):
 
     name: Name
     loads: dict[str, float] = Field(min_length=1, examples=[{"tip.force.y": 1000.0}])
-    factors: Numbers = [0.5, 1.0]
+    factors: Annotated[Numbers, ascending("parts of the loads, such as [0.25, 0.5, 1.0]")] = [0.5, 1.0]
     results: Results = None
     results_seconds: Positive | None = None
 
@@ -63,13 +62,6 @@ class StaticTable(Table):
         if self.results_seconds is not None and self.results is None:
             raise ValueError("results_seconds is the time that results took to find: give results as well")
         return self
-
-    @field_validator("factors")
-    @classmethod
-    def _ascending(cls, value: list[float]) -> list[float]:
-        if any(b <= a for a, b in pairwise(value)):
-            raise ValueError(f"is {value}, expected ascending parts of the loads, such as [0.25, 0.5, 1.0]")
-        return value
 
     @field_validator("loads")
     @classmethod

@@ -180,9 +180,7 @@ def _by_fine_model(scene: Scene, report: Reporter, store: Store) -> dict[str, Re
     loads = [part for case in cases for part in (case.peak.packed(True), np.array(case.factors))]
     kept = store.arrays(_key(fine, "scene static", levels, *loads), "reference equilibria", report, run)
     doubt, accepted = float(kept["doubt"]), scene.file.tolerance.static.displacement
-    report.note(
-        f"the model to compare with is off by {100.0 * doubt:.2g} % in the static cases, as it estimates itself"
-    )
+    report.note(f"the model to compare with is off by {100.0 * doubt:.2g} % in the static cases, by its own estimate")
     if doubt > _DOUBTFUL * accepted:
         report.warning(
             f"the model to compare with may be off by {100.0 * doubt:.2g} % in the static cases, where "

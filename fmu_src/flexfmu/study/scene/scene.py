@@ -167,10 +167,8 @@ def made_scene(file: SceneFile, path: Path, body: Path) -> Scene:
         for name in listed or ():
             if name not in known:
                 raise SceneError(f"{path}: {key} names {name!r}, and the body has {', '.join(known)}")
-    if file.loaded is not None and not loaded <= set(file.loaded):
-        raise SceneError(
-            f"{path}: loads act on {', '.join(sorted(loaded - set(file.loaded)))}, which loaded leaves out"
-        )
+    if left := sorted(loaded - set(loaded if file.loaded is None else file.loaded)):
+        raise SceneError(f"{path}: loads act on {', '.join(left)}, which loaded leaves out")
     read = tuple(file.read or known)
     kept = {*read, *loaded, *(file.loaded or ()), *([given.root or known[0]] if given.free else ())}
     config = given.model_copy(update={"interface": [table for table in given.interface if table.name in kept]})
@@ -241,9 +239,7 @@ def _table(case: TransientTable, path: Path) -> tuple[list[str], FloatArray]:
     if rows[0, 0] != 0.0:
         raise SceneError(f"{case.loads}: the first time is {rows[0, 0]} s, expected 0: the body starts at rest there")
     if case.duration is None and rows[-1, 0] < 2.0 * case.step:
-        raise SceneError(
-            f"{path}: {case.name}: {case.loads} ends at {rows[-1, 0]} s, before two steps of {case.step} s"
-        )
+        raise SceneError(f"{path}: {case.name}: {case.loads} ends at {rows[-1, 0]} s, in less than two steps")
     return names, rows
 
 
