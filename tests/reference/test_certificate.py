@@ -1,12 +1,13 @@
 """The error that the core tells, against an independent account of the body and of its shadow."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings, strategies as st
 
-from bodies import body_of_everything
+from bodies import body_of_everything, random_ties
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.core.library import Core
 from flexfmu.model.methods import Method
@@ -14,6 +15,7 @@ from flexfmu.model.reduced_body import Shadow
 from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_draft, shadow_draft
 from reference import Reference
+from reference.mechanics import difference, slopes
 
 BODIES = {"held": ({"modes": 4, "frames": 2}, {"modes": 6}), "free": ({"modes": 9, "free": True}, {"modes": 11})}
 
@@ -88,3 +90,51 @@ def test_an_error_does_not_feel_that_its_shadow_is_of_single_precision(kind, see
     q, inputs = 0.02 * rng.standard_normal(model.mode_count), rng.standard_normal(6 * model.interface_count + 3)
     told, known = (body.core.error(Core(draft.image()), inputs, q)[0] for draft in (rounded, exact))
     np.testing.assert_allclose(told, known, rtol=1e-6, atol=1e-7 * np.abs(known).max())
+
+
+def stretched_joints(body, q):
+    """How far each spring of the ties is stretched, (T, 4, 3)."""
+    (position, rotation), ties = body.places(q), body.ties
+    a, b = np.arange(len(body.nodes) - 2 * len(ties.stiffness), len(body.nodes)).reshape(2, -1)
+    gap = position[a] - position[b] - (ties.point[:, 0] - ties.point[:, 1])
+    return np.concatenate([gap[:, None], ((rotation[a] - rotation[b]) @ ties.lever).swapaxes(1, 2)], axis=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_joints_that_turned_are_as_stiff_as_before_in_the_bound_of_a_cut_body(seed):
+    """The softest direction of the tangent, over the material's stiffness and that of joints where they now are."""
+    plain = {"membrane": None, "watched_strain": None}
+    cut, shadow = (
+        replace(random_ties(body_of_everything(seed + n, frames=2 * n + 2, modes=2 * n + 4), seed), **plain)
+        for n in (0, 1)
+    )
+    rng = np.random.default_rng(seed)
+    span = np.linalg.qr(rng.standard_normal((shadow.mode_count, cut.mode_count)))[0]
+    model = replace(cut, shadow=Shadow(shadow, span))
+    body, own = FlexibleBody(model, "frames"), Reference(model, Method.FRAMES)
+    finer = Reference(shadow, Method.SECOND_ORDER)
+    q, inputs = 0.1 * rng.standard_normal(own.modes), 30.0 * rng.standard_normal(6 * model.interface_count + 3)
+    _, share, bound = body.core.error(Core(shadow_draft(model).image()), inputs, q)
+    stiff = finer.ties.stiffness[:, None, :]
+    tension, free = own.ties.stiffness[:, None, :] * stretched_joints(own, q), copy(finer)
+    free.ties, moved = None, span @ q
+    inertia, scale = span @ (own.force(inputs, q) - own.stiffness * q), 1.0 / np.sqrt(finer.stiffness)
+
+    def pulled(at):
+        return free.force(inputs, at) - slopes(lambda here: np.sum(tension * stretched_joints(finer, here)), at)
+
+    for _ in range(2):
+        gaps = slopes(lambda at: stretched_joints(finer, at), moved)
+        joints = np.einsum("tcia,tci,tcib->ab", gaps, np.broadcast_to(stiff, gaps.shape[:3]), gaps) - finer.joined()
+        material = np.diag(finer.stiffness) + joints
+        slope = np.stack([difference(pulled, moved, way) for way in np.eye(finer.modes)], axis=1)
+        tangent = (material - slope) * np.outer(scale, scale)
+        material *= np.outer(scale, scale)
+        shape = moved / scale
+        for _ in range(8):
+            shape = np.linalg.solve(tangent, material @ shape / np.sqrt(shape @ material @ shape))
+        left = finer.force(inputs, moved) - finer.stiffness * moved - inertia
+        moved = moved + scale * np.linalg.solve(tangent, scale * left)
+    assert np.sqrt(shape @ material @ shape) > 1.02
+    np.testing.assert_allclose(bound, 1.25 * share * (shape @ material @ shape) ** 0.25, rtol=1e-5)

@@ -131,8 +131,9 @@ static void forces_of(Body *shadow, Room *room, const double *inputs) {
 /* Steps of inverse iteration. */
 enum { ITERATIONS = 8 };
 
-/* The material's own stiffness where it is now, without tension, times a direction (e) in coordinates of unit energy; twice its
- * energy is returned. Where leaves are bent, what stretched them at rest is soft without any load. */
+/* The material's and the joints' own stiffness where they are now, without tension, times a direction (e) in coordinates of unit
+ * energy; twice its energy is returned. Where leaves are bent, what stretched them at rest is soft without any load, and so is
+ * what stretched joints at rest where they turned. */
 static double own_stiffness(const Body *shadow, const Room *room, const double *shape, double *out, int64_t e) {
     const Program *p = shadow->p;
     double *rates = room->rates;
@@ -140,15 +141,16 @@ static double own_stiffness(const Body *shadow, const Room *room, const double *
     for (int64_t i = 0; i < e; i++) rates[p->rigid + i] = shape[i] / p->omega[p->rigid + i];
     memset(room->turned, 0, (size_t)p->modes * sizeof(double));
     add_turned_stretch(shadow, &room->stretch, rates, room->turned);
+    add_turned_joints(shadow, &room->tangents, rates, room->turned);
     for (int64_t i = 0; i < e; i++) out[i] = shape[i] + room->turned[p->rigid + i] / p->omega[p->rigid + i];
     return dot(out, shape, e);
 }
 
-/* The smallest eigenvalue of the shadow's tangent over its material's own stiffness, with its factor at hand, that the deflection
- * has a part in; 1 at the most: at rest and in what stiffens. */
+/* The smallest eigenvalue of the shadow's tangent over its own stiffness, with its factor at hand, that the deflection has a part
+ * in; 1 at the most: at rest and in what stiffens. */
 static void find_softest(Room *room, const Body *shadow, int64_t e) {
     const Program *p = shadow->p;
-    const double cost = (double)(6 * p->stretches * p->modes + 10 * e);
+    const double cost = (double)((6 * p->stretches + 24 * p->ties + p->tied * p->modes) * p->modes + 10 * e);
     double *shape = room->factor, *work = room->work, *size = room->found + SOFT;
     if (due(shadow->slice, cost)) {
         for (int64_t i = 0; i < e; i++) shape[i] = p->omega[p->rigid + i] * room->q[p->rigid + i];
@@ -236,7 +238,7 @@ static double moved_by_flattening(Body *body, Room *room, const double *q) {
 /* Bound of an error of which the shadow finds a share: near a critical load what it does not see grows as well, and the next
  * order after the second, `within` of the deflection, is that of a cosine. Of flattening, `flat` of it, only the first order is
  * known: in tubes and pipe bends what is missed is 0.2 to 2 times as much. Large strain neither knows: a bar that is pulled by
- * EA (e + 3/2 e^2 + 1/2 e^3) is off by 4 e^2. */
+ * EA (e + 3/2 e^2 + 1/2 e^3) is off by 2 e^2, and strain is larger than its mean. */
 static double bound_of(double share, double soft, double within, double flat, double strain) {
     if (!(share > 0.0)) return 0.0;
     return MARGIN * (share / sqrt(soft) + within * within / 6.0 + 2.0 * flat) + 4.0 * strain * strain;
@@ -321,7 +323,7 @@ void error_found(const Body *body, const Body *shadow, Arena arena, double *erro
     const int opened = shadow->p->ties > p->ties;
     *deflection = fmax(*deflection, found[REACH]);
     *share = *bound = share_of(p, room->error, *deflection);
-    /* A shadow with loops opened: its frames are others, and stiff joints that turned are soft only against their start. */
+    /* A shadow with loops opened: its frames are others, and joints that a step closes pull. */
     if (found[SOFT] > 0.0 && *deflection > 0.0)
         *bound = bound_of(*share, opened ? 1.0 : found[SOFT], opened ? 0.0 : found[WITHIN] / *deflection, found[FLAT] / *deflection,
                           found[STRAIN]);

@@ -343,6 +343,16 @@ static void add_tie_stiffness(const Body *body, const Configuration *at, const d
     subtract_moment_stiffness(body, at, tense, room->of.spin, row, out);
 }
 
+void add_turned_joints(const Body *body, const TangentRoom *room, const double *direction, double *out) {
+    const Program *p = body->p;
+    const int64_t m = p->modes;
+    for (int64_t i = 0; i < 12 * p->ties; i++) {
+        const double tension = p->tie_stiffness[3 * (i / 12) + i % 3] * dot(room->gaps + i * m, direction, m);
+        for (int64_t j = 0; j < m; j++) out[j] += tension * room->gaps[i * m + j];
+    }
+    for (int64_t j = 0; j < p->tied * m; j++) out[j] -= dot(p->tie_initial + j * m, direction, m);
+}
+
 static void add_mode_stiffness(const Body *body, const Configuration *at, double *square, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes;

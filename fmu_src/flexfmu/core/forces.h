@@ -54,6 +54,8 @@ void take_tangent_room(const Body *body, Arena *arena, TangentRoom *room);
 /* Lambda - dQ/dq (m, m). */
 void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, const Configuration *at,
                        const double *tense, TangentRoom *room, double *out);
+/* out += (J'SJ - H) direction: joints where they were in the last tangent, without tension. */
+void add_turned_joints(const Body *body, const TangentRoom *room, const double *direction, double *out);
 
 /* Forces (T, 4, 3) in the ties' springs, and their energy E of (16). */
 double tie_tension(const Body *body, const Configuration *at, double *tense);
