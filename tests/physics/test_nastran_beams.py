@@ -371,6 +371,17 @@ def test_an_rbe2_of_translations_between_points_in_one_place_is_a_joint(tmp_path
     assert pulled[0] == pytest.approx(along / (E * 1e-3), rel=1e-5)
 
 
+def test_a_load_point_that_hangs_on_a_beam_s_end_by_an_rbe2_is_offered(tmp_path):
+    """The card's dependent point is of no element: an arm of 0.2 beyond the end, FL³/3EI + FL²a/EI + FLa²/EI."""
+    cards = chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7\n") + "RBE2,20,5,123456,6\n"
+    mesh = bulk(tmp_path, cards, np.concatenate([CHAIN, [[1.2, 0.0, 0.0]]]))
+    assert mesh.references["RBE2 20"].tolist() == [1.2, 0.0, 0.0]
+    assert any("'RBE2 20', with its dependent node as point" in note for note in mesh.notes)
+    across, turned = moved(mesh, (0.0, 1.0, 0.0), tip="RBE2 20")
+    assert across[1] == pytest.approx((1.0 / 3.0 + 0.2 + 0.04) / (E * 2e-6), rel=1e-4)
+    assert turned[2] == pytest.approx(0.7 / (E * 2e-6), rel=1e-4)
+
+
 PANEL = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 2.0], [0.0, 0.0, 2.0]])
 
 

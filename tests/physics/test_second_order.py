@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import flexfmu
 from bodies import source_of_judgement
 from elastica import MASS, STIFFNESS, heavy_elastica
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.build.tables import InputTable, InterfaceTable
+from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.model import PointMass
 from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND
@@ -115,6 +118,26 @@ def test_weight_bends_the_beam_along_the_elastica(reduced):
     # Shear, which the elastica has not, is 0.3 % of the deflection. Without the second order: 8 and 2 %.
     assert errors[0] < 0.03
     assert errors[1] < 0.008
+
+
+def test_a_point_off_its_nodes_moves_on_an_arc_about_them():
+    """As a rigid arm carries it; a weight that hangs there loads the body as a force at the point does."""
+    point, mesh = np.array([1.0, 0.3, 0.1]), box(ElementType.C3D20, (8, 2, 2), (1.0, 0.05, 0.08))
+    weight = PointMass("weight", point, mesh.node_sets["TIP"], 2000.0, 20.0 * np.eye(3))
+    (steel,) = mesh.materials
+    mesh = replace(mesh, materials=(replace(steel, density=785.0),), masses=(weight,))
+    ends = {"tip": flexfmu.Interface("TIP"), "beside": flexfmu.Interface("TIP", point=point.tolist())}
+    body = flexfmu.Body(mesh, None, ["ROOT"], ends, tables={"input": {"acceleration": True}})
+    for frames in (1, 3):
+        model = FlexibleBody(body.build("second_order", frames=frames, report=Reporter()).model, SECOND)
+        heavy = model.response(model.static(model.loads({}, [0.0, 20.0, 20.0])))
+        pushed = model.response(model.static({"beside": [0.0, -40e3, -40e3]}))
+        turned = exponential(pushed.rotation[0])
+        arc = pushed.displacement[0] + (turned - np.eye(3)) @ (point - [1.0, 0.025, 0.04])
+        size = np.linalg.norm(pushed.rotation[0]) ** 2 * 0.3
+        assert size > 0.004
+        np.testing.assert_allclose(pushed.displacement[1], arc, atol=0.01 * size)
+        np.testing.assert_allclose(heavy.displacement, pushed.displacement, atol=0.01 * size)
 
 
 def test_energy_is_kept_whatever_the_step(reduced):

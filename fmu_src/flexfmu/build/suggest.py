@@ -117,8 +117,8 @@ _AXES = ("x", "y", "z")
 _ON_END = 1e-6
 # How deep a round end is, over that side, and how far a box goes beyond its nodes, over that depth.
 _DEEP, _MARGIN = 0.05, 0.01
-# Sets of nodes that steps of a deck hold.
-_STEP = "STEP "
+# Sets of nodes that steps of a deck hold, or single-point constraints.
+_HELD = ("STEP ", "SPC ")
 # Outer radius of an eye over its bore's, at most.
 _EYE = 2.5
 
@@ -333,7 +333,7 @@ def _ends_and_bores(mesh: Mesh) -> tuple[list[tuple[str, str]], list[tuple[str, 
     holes = bores(mesh)
     places = plane_ends(mesh) | holes
     rows = dict(mesh.node_sets) | {name: node_set(mesh, place, name) for name, place in places.items()}
-    steps = [name for name in mesh.node_sets if name.startswith(_STEP)]
+    steps = [name for name in mesh.node_sets if name.startswith(_HELD)]
     held = [name for name in steps if name.split()[1] == steps[0].split()[1]] or list(places)[:1]
     apart = [name for name in places if not any(np.isin(rows[name], rows[end]).any() for end in held)]
     eyes = [name for name in holes if name not in apart and not steps]

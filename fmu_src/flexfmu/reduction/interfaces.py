@@ -49,8 +49,7 @@ class InterfaceFit:
 
     def motion(self, shapes: FloatArray) -> FloatArray:
         """Displacement and rotation (6, m) per unit modal coordinate, from mode shapes (3n, m)."""
-        local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(self.operator.shape[1], -1)
-        return self.operator @ local
+        return self.operator @ shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(-1, shapes.shape[1])
 
     def nodal_loads(self, node_count: int) -> FloatArray:
         """Nodal forces (3n, 6) of unit forces and moments at the reference point."""

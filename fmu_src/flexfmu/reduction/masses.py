@@ -23,8 +23,8 @@ class Centre:
     point : (3,) float
         m.
     nodes : (k,) int
-    operator : (3, 3k) float
-        From displacements of the nodes to its own.
+    operator : (3 or 6, 3k) float
+        From displacements of the nodes to its own, and to the rotation on which nodes that it hangs on carry it.
     """
 
     point: FloatArray
@@ -40,13 +40,12 @@ class Centre:
 
     def moved(self, shapes: FloatArray) -> FloatArray:
         """Displacement (3, m) of mode shapes (3n, m)."""
-        local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes]
-        return self.operator @ local.reshape(self.operator.shape[1], -1)
+        return self.operator[:3] @ shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(-1, shapes.shape[1])
 
 
 def hung_centre(points: FloatArray, one: PointMass) -> Centre:
     """Centre of a mass at a point."""
-    return Centre(one.point, one.nodes, attachment(points, one)[:3])
+    return Centre(one.point, one.nodes, attachment(points, one))
 
 
 def body_properties(mesh: Mesh) -> Properties:

@@ -34,6 +34,8 @@ _RANK = 6
 # How far sections depart from planes, over how far their frames turn them, above which a body is one of sections that
 # warp: solid bars, curved ones too, have 0.07 at most, thin open sections and tubes 0.09 to 2.
 _WARPS = 0.08
+# Share of a mean's largest weight below which other parts are round-off: the point is its nodes' centre.
+_EVEN = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,8 @@ class NodeReading:
     point : (3,) float
         m.
     nodes : (k,) int
-    displacement : (3, 3k) float
+    operator : (3 or 6, 3k) float
+        From displacements of the nodes to that of the point, and to the rotation on which they carry it.
     turn : Turn
         Without nodes where no rotation is asked for.
     angle : (3, m) float
@@ -56,7 +59,7 @@ class NodeReading:
 
     point: FloatArray
     nodes: IntArray
-    displacement: FloatArray
+    operator: FloatArray
     turn: Turn
     angle: FloatArray
     inside: FloatArray | None = None
@@ -64,27 +67,39 @@ class NodeReading:
     def loads(self, count: int) -> FloatArray:
         """Nodal forces (3n, 6) whose work is the motion: a unit of each displacement, then of each rotation."""
         result = np.zeros((count, 3, _RANK))
-        result[self.nodes, :, :3] = self.displacement.T.reshape(-1, 3, 3)
+        result[self.nodes, :, :3] = self.operator[:3].T.reshape(-1, 3, 3)
         result[self.turn.nodes, :, 3:] = self.turn.operator.T.reshape(-1, 3, 3)
         return result.reshape(-1, _RANK)
 
     def moved(self, shapes: FloatArray) -> FloatArray:
         """Displacement (3, m) of mode shapes (3n, m)."""
-        local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(-1, shapes.shape[1])
-        return self.displacement @ local
+        return self.operator[:3] @ shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(-1, shapes.shape[1])
 
     def turned_back(self, points: FloatArray, shapes: FloatArray, angle: FloatArray) -> FloatArray:
-        """Second-order part (3, m, m) of the rotation that is read off the displacements once `angle` is undone.
-
-        Turning the displaced nodes back by `angle` = θ takes θ × u − ½ θ × (θ × r) away from them.
-        """
+        """Second-order part (3, m, m) of the rotation that is read off the displacements once `angle` is undone."""
         nodes = self.turn.nodes
-        local = shapes.reshape(len(points), 3, -1)[nodes]
         arm = points[nodes] - points[nodes].mean(axis=0) if nodes.size else points[nodes]
-        rigid = -skew(arm) @ angle
-        mixed = np.einsum("inl,nsb->ilsb", self.turn.operator.reshape(3, -1, 3), 0.5 * rigid - local, optimize=True)
-        half = np.einsum("ilsb,als->iab", mixed, skew(angle.T), optimize=True)
-        return half + half.swapaxes(1, 2)
+        return _undone(self.turn.operator, arm, shapes.reshape(len(points), 3, -1)[nodes], angle)
+
+    def carried(self, points: FloatArray, shapes: FloatArray) -> FloatArray:
+        """Second-order part (3, m, m) of the displacement of a point that turns about the nodes' centre, on an arc."""
+        parts, modes = self.operator[:3].reshape(3, -1, 3), shapes.shape[1]
+        off = parts - parts[0, :, :1] * np.eye(3)[:, None]
+        if len(self.operator) == 3 or np.all(abs(off) <= _EVEN * abs(parts).max(initial=0.0)):
+            return np.zeros((3, modes, modes))
+        local = shapes.reshape(len(points), 3, -1)[self.nodes]
+        angle = self.operator[3:] @ local.reshape(-1, modes)
+        return _undone(self.operator[:3], points[self.nodes] - self.point, local - self.moved(shapes), angle)
+
+
+def _undone(operator: FloatArray, arm: FloatArray, local: FloatArray, angle: FloatArray) -> FloatArray:
+    """Second-order part (3, m, m) of what an operator (3, 3k) reads off displacements (k, 3, m) once `angle` is undone.
+
+    Turning the displaced nodes back by `angle` = θ takes θ × u − ½ θ × (θ × r) away from them.
+    """
+    mixed = np.einsum("inl,nsb->ilsb", operator.reshape(3, -1, 3), -0.5 * skew(arm) @ angle - local, optimize=True)
+    half = np.einsum("ilsb,als->iab", mixed, skew(angle.T), optimize=True)
+    return half + half.swapaxes(1, 2)
 
 
 def _still(modes: int) -> tuple[Turn, FloatArray]:
@@ -134,20 +149,19 @@ def node_readings(
         if rank == _RANK and planes and not domain.floating:
             turn = Turn(domain.joint.nodes, operator[3:])
             inside = turn.of(shapes) - angle
-        readings.append(NodeReading(domain.joint_point, domain.joint.nodes, operator[:3], turn, angle, inside))
+        readings.append(NodeReading(domain.joint_point, domain.joint.nodes, operator, turn, angle, inside))
     for interface in interfaces:
         turn, angle = Turn(interface.nodes, interface.operator[3:]), interface.motion(shapes)[3:]
-        readings.append(NodeReading(interface.point, interface.nodes, interface.operator[:3], turn, angle))
+        readings.append(NodeReading(interface.point, interface.nodes, interface.operator, turn, angle))
     readings += [NodeReading(c.point, c.nodes, c.operator, *_still(modes)) for c in centres]
     for spring in springs:
         operator, rank = rigid_fit(points, spring, centre := spring.centre(points))
         turn, frame = Turn(spring.nodes, operator[3:]), carrying_frame(subdomains, spring.nodes)
+        angle = turn.of(shapes)
         if rank < _RANK and frame >= 0:
             # A line or a point turns as the sub-domain that carries it.
             turn, angle = subdomains[frame].rotation, frame_rotation[frame]
-        else:
-            angle = turn.of(shapes)
-        readings.append(NodeReading(centre, spring.nodes, operator[:3], turn, angle))
+        readings.append(NodeReading(centre, spring.nodes, operator, turn, angle))
     none = np.zeros(0, dtype=np.int64)
     return readings + [NodeReading(np.zeros(3), none, np.zeros((3, 0)), *_still(modes)) for _ in springs]
 
@@ -227,20 +241,18 @@ def second_order(
     bent = angles.copy()
     bent[:, :, rigid] = 0.0
     for k, reading in enumerate(readings):
-        inside = np.zeros((3, modes))
-        if reading.inside is not None:
-            inside = reading.inside
-            # What is left of the section's rotation once the frame's own turn in it is undone: exp(θ_s) exp(θ_X − θ_s).
-            rotation[k] -= 0.5 * product(bent[k], inside)
+        # What is left of the section's rotation once the frame's own turn in it is undone: exp(θ_s) exp(θ_X − θ_s).
+        inside = np.zeros((3, modes)) if reading.inside is None else reading.inside
+        rotation[k] -= 0.5 * product(bent[k], inside)
         rotation[k] += reading.turned_back(mesh.points, elastic, bent[k] + inside)
+        displacement[k] += reading.carried(mesh.points, elastic)
     if rigid.size and not floating:
         reference = np.zeros((3, modes))
         reference[:, rigid] = angles[0][:, rigid]
-        points = np.array([reading.point for reading in readings])
+        arm = np.array([reading.point - readings[0].point for reading in readings])
         change = np.array([reading.moved(elastic) for reading in readings])
         # Ends on the ground stay where they are.
         on_body = np.array([reading.nodes.size > 0 for reading in readings])
-        arm = points - points[0]
         seen = from_ground(displacement, rotation, reference, arm, change, angles)
         displacement, rotation = (part * on_body[:, None, None, None] for part in seen)
     return SecondOrder(displacement, rotation)

@@ -81,11 +81,9 @@ def spiders(bulk: Bulk) -> tuple[dict[str, list[int]], dict[str, FloatArray]]:
     uses = Counter(reference for _, reference in ends.values())
     loose: set[int] = set()
     for number, (nodes, reference) in ends.items():
-        element = model.rigid_elements[number]
-        if not holds_rigid(element):
-            loose |= {*nodes, reference}
-        elif not set(str(element.cm)) >= _ALL:
-            loose |= set(nodes)
+        rigid = holds_rigid(element := model.rigid_elements[number])
+        if not (rigid and set(str(element.cm)) >= _ALL):
+            loose |= {*nodes} if rigid else {*nodes, reference}
     members = {node for nodes, _ in ends.values() for node in nodes}
     joining = [
         number
@@ -101,12 +99,16 @@ def spiders(bulk: Bulk) -> tuple[dict[str, list[int]], dict[str, FloatArray]]:
         )
     sets, references = {}, {}
     for number, (nodes, reference) in ends.items():
-        name = f"{model.rigid_elements[number].type} {number}"
+        element = model.rigid_elements[number]
+        name, point = f"{element.type} {number}", "reference node"
+        if holds_rigid(element) and len(nodes) == 1 and nodes[0] not in used and reference in used:
+            # A load point that hangs on the body: the card has it the other way round.
+            (reference,), nodes, point = nodes, [reference], "dependent node"
         sets[name] = nodes
         if reference in row:
             references[name] = points[row[reference]]
-        holds = _holding(model.rigid_elements[number], bool(turning & {*nodes}))
-        notes.append(f"{name} is offered as an interface: nodes = '{name}', with its reference node as point{holds}")
+        holds = f"{point} as point{_holding(element, bool(turning & {*nodes}))}"
+        notes.append(f"{name} is offered as an interface: nodes = '{name}', with its {holds}")
     return sets, references
 
 
@@ -194,11 +196,9 @@ def joints(model: Any, points: FloatArray, row: Mapping[int, int]) -> list[dict[
 
 def carriers(model: Any) -> dict[int, list[int]]:
     """Grid points that carry what hangs on others: on references, and on any grid point of an RBE2 that is rigid."""
-    found = {}
-    for number, (nodes, reference) in spider_ends(model).items():
-        rigid = holds_rigid(model.rigid_elements[number])
-        found.update({key: [*nodes, reference] for key in (nodes if rigid else ())})
-    return found | {reference: nodes for nodes, reference in spider_ends(model).values()}
+    ends = spider_ends(model)
+    rigid = [[*nodes, at] for number, (nodes, at) in ends.items() if holds_rigid(model.rigid_elements[number])]
+    return {key: nodes for nodes in rigid for key in nodes[:-1]} | {at: nodes for nodes, at in ends.values()}
 
 
 def multi_point_rows(bulk: Bulk) -> list[dict[int, float]]:
@@ -272,9 +272,7 @@ def single_point_sets(model: Any, notes: list[str]) -> dict[str, list[int]]:
     for number, cards in model.spcs.items():
         for card in cards:
             sets.setdefault(f"SPC {number}", []).extend(getattr(card, "nodes", ()))
-    own = [label for label, grid in model.nodes.items() if set(str(grid.ps)) & set(_TRANSLATIONS)]
-    if own:
-        sets["SPC 0"] = own
+    sets["SPC 0"] = [label for label, grid in model.nodes.items() if set(str(grid.ps)) & set(_TRANSLATIONS)]
     for name in (one for one in sets if sets[one]):
         hinge = " at them alone, so that beams turn there" if name in hinges(model) else ""
         notes.append(f"{name}: its nodes are a node set, and it holds nothing: give a [[support]]{hinge}")
