@@ -9,8 +9,10 @@ import scipy.sparse.linalg as spla
 
 import flexfmu
 from decks import read
+from flexfmu.build.suggest import starting_body_file
 from flexfmu.fe.assembly import stiffness
 from flexfmu.files.errors import DeckError, MeshError
+from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import CrossSection, channel, hat, i_section, l_section, walls, z_section
 from flexfmu.mesh.checks import checked
 from flexfmu.reduction.model import assemble_model
@@ -377,6 +379,7 @@ def test_a_load_point_that_hangs_on_a_beam_s_end_by_an_rbe2_is_offered(tmp_path)
     mesh = bulk(tmp_path, cards, np.concatenate([CHAIN, [[1.2, 0.0, 0.0]]]))
     assert mesh.references["RBE2 20"].tolist() == [1.2, 0.0, 0.0]
     assert any("'RBE2 20', with its dependent node as point" in note for note in mesh.notes)
+    assert '# SPC 1\nnodes = "SPC 1"' in starting_body_file(mesh, tmp_path / "body.bdf", UnitSystem.SI)
     across, turned = moved(mesh, (0.0, 1.0, 0.0), tip="RBE2 20")
     assert across[1] == pytest.approx((1.0 / 3.0 + 0.2 + 0.04) / (E * 2e-6), rel=1e-4)
     assert turned[2] == pytest.approx(0.7 / (E * 2e-6), rel=1e-4)
