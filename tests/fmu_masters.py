@@ -1,11 +1,13 @@
 """What FMI masters do with FMUs, each in a process of its own: `python fmu_masters.py NAME ARGUMENTS`.
 
 Every public function gets JSON values and returns one. The parent judges by the line that is printed: at the
-interpreter's exit pythonfmu's library may crash a process that has done its work.
+interpreter's exit pythonfmu's library may crash a process that has done its work. Without arguments it serves.
 """
 
 import json
+import os
 import shutil
+import signal
 import sys
 import tempfile
 from contextlib import suppress
@@ -25,6 +27,8 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 
 MARK = "RESULT "
+# What a process may take (s).
+LONGEST = 120
 LOGS = {}
 
 
@@ -295,11 +299,30 @@ def resets(fmu, loads, step):
     return {"first": first, "bare": bare, "second": one.step(step, 5).motion()}
 
 
-def main():
-    name, arguments = sys.argv[1], json.loads(sys.argv[2])
-    result = globals()[name](*arguments)
-    print(MARK + json.dumps(result), flush=True)
+def answer(name, arguments):
+    """Print what a function returns."""
+    print(MARK + json.dumps(globals()[name](*arguments)), flush=True)
+
+
+def serve():
+    """Fork a process for each line that comes in, which need not import anything; its exit code goes out."""
+    for line in sys.stdin:
+        name, arguments, folder, environment, *files = json.loads(line)
+        child = os.fork()
+        if not child:
+            for number, file in enumerate(files, start=1):
+                os.dup2(os.open(file, os.O_WRONLY | os.O_APPEND), number)
+            os.chdir(folder)
+            os.environ.clear()
+            os.environ.update(environment)
+            signal.alarm(LONGEST)
+            answer(name, arguments)
+            return
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:]:
+        answer(sys.argv[1], json.loads(sys.argv[2]))
+    else:
+        serve()

@@ -39,18 +39,11 @@ def modules():
     return found
 
 
-def statements(tree):
-    """Nodes of a module, within functions and for type checkers too."""
-    for node in ast.iter_child_nodes(tree):
-        yield node
-        yield from statements(node)
-
-
 def imports(name, path, known):
     """Modules of the package that a module imports."""
     package = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
     found = set()
-    for node in statements(parsed(path)[1]):
+    for node in ast.walk(parsed(path)[1]):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):

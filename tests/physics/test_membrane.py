@@ -193,7 +193,8 @@ def test_a_beam_held_at_both_ends_is_a_string_at_fourth_order(reduced):
     assert found == pytest.approx(expected, rel=0.02)
 
 
-@pytest.mark.parametrize(("folder", "case", "way"), [(ARCH, "path_y", Y), pytest.param(ROOF, "path_z", Z, marks=SLOW)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("folder", "case", "way"), [(ARCH, "path_y", Y), (ROOF, "path_z", Z)])
 def test_a_body_that_snaps_is_borne_up_to_its_limit_load_and_refused_beyond(reduced, folder, case, way):
     path = calculix(folder / "calculix" / f"{case}.csv")
     peak = int(np.argmax(np.diff(path["force_N"]) > 0.0))
