@@ -18,6 +18,8 @@ from flexfmu.core.building import command as compile_command, system_compiler
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, StressSet
+from flexfmu.program.variable_table import variable_table
+from native_master.bare_fmi2 import Fmu
 
 SCRIPTS = Path(__file__).parents[1] / "native_master"
 MARK = "RESULT "
@@ -401,6 +403,38 @@ def test_instances_of_one_fmu_share_its_program_until_the_last_is_gone(folder, r
     if runtime is Runtime.PYTHON:
         pytest.skip("Python reads the file")
     assert master("mapped", str(folder / "body.fmu"), 5) == {"places": [1, 1, 0], "alike": True}
+
+
+def test_instances_share_what_steps_of_one_length_have_in_common_only_where_they_damp_alike(tmp_path):
+    """Of more lengths than are kept: each moves as it does in a library of its own."""
+    model, path = random_body(), tmp_path / "body.fmu"
+    package_fmu(model, path)
+    names = [v.name for v in variable_table(model)]
+    scale, load = names.index("damping.scale"), names.index(f"{model.interface_names[0]}.force.y")
+    outputs = [names.index(f"{model.interface_names[0]}.displacement.{axis}") for axis in "xyz"]
+
+    def moved(fmu, scales):
+        ones = [fmu.instantiate() for _ in scales]
+        for one, factor in zip(ones, scales, strict=True):
+            assert one.set_real([scale], [factor]) == OK
+            one.start()
+            assert one.set_real([load], [0.1]) == OK
+        found = []
+        for number in range(40):
+            for one in ones:
+                assert one.go_on(1e-3 * (1 + number % 20)) == OK
+            found.append([one.get_real(outputs)[1] for one in ones])
+        for one in ones:
+            one.free()
+        fmu.remove()
+        return np.moveaxis(np.array(found), 1, 0)
+
+    first, second, third = moved(Fmu(path), (1.0, 5.0, 1.0))
+    assert np.abs(first).max() > 0.0
+    np.testing.assert_array_equal(first, third)
+    assert np.abs(first - second).max() > 1e-3 * np.abs(first).max()
+    for together, factor in ((first, 1.0), (second, 5.0)):
+        np.testing.assert_array_equal(together, moved(Fmu(path), (factor,))[0])
 
 
 @linux

@@ -12,34 +12,33 @@
 static const char NO_MEMORY[] = "there is not enough memory";
 
 /* What each call takes of the workspace: first, those of a step. */
-enum { OF_STEPS = 2 };
+enum { OF_STEPS = 3 };
 static void (*const demands[])(const Body *body, Arena *arena) = {
-    step_demand, internal_demand, statics_demand, motion_demand, pushes_demand,
+    step_demand, internal_demand, seen_demand, statics_demand, motion_demand, pushes_demand,
     stability_demand, judgement_demand, inertia_demand, compliance_demand, certificate_demand, surface_demand,
 };
 
-/* Numbers of a body, those that any step needs first: of many bodies in turn few pages are touched. Then its workspace; the sum
- * of all where `arena` counts only. */
+/* Numbers of a body, those that any step needs first: of many bodies in turn few pages are touched. Then what calls overwrite;
+ * the sum of all where `arena` counts only. */
 static void lay_out(Body *body, Arena *arena) {
-    const int64_t m = body->p->modes;
+    const int64_t m = body->p->modes, nodes = body->p->nodes;
+    int64_t size = 0;
+    take_deformed(body, arena, &body->deformed);
+    body->need = (Need *)take(arena, (2 * nodes * (int64_t)sizeof *body->need + 7) / 8);
+    take_configuration(body, arena, &body->memo);
     body->zeta = take(arena, m);
     body->rate = take(arena, m);
-    body->end_q = take(arena, m);
-    body->end_v = take(arena, m);
-    take_deformed(body, arena, &body->deformed);
-    take_configuration(body, arena, &body->memo);
     take_rules(body, arena);
     body->coupled = take(arena, crossed(body->p) * m * m);
     body->square = take(arena, crossed(body->p) * m * m);
-    body->four = take(arena, LANES * m);
-    body->work_size = 0;
+    body->pivot = (int64_t *)take(arena, 2 * m + body->p->pulls);
     for (size_t i = 0; i < sizeof demands / sizeof *demands; i++) {
         Arena count = {0};
         demands[i](body, &count);
-        body->work_size = larger(body->work_size, count.used);
-        if (i < OF_STEPS) body->step_size = body->work_size;
+        size = larger(size, count.used);
+        if (i < OF_STEPS) body->step_size = size;
     }
-    body->work = take(arena, body->work_size);
+    take_scratch(body, arena, size, &body->scratch);
 }
 
 /* Which rows each part bends. */
@@ -68,15 +67,19 @@ static int complete(Opened *opened) {
     const Program *p = &opened->p;
     const int64_t nodes = p->nodes, m = p->modes;
     opened->stiffness = calloc((size_t)(m + (p->loads + 2) / 3), sizeof(double));
+    opened->rule_numbers = calloc((size_t)(RULES * RULE_ROWS * m), sizeof(double));
     opened->bends = calloc((size_t)p->parts + 1, sizeof *opened->bends);
     opened->bent_row = calloc((size_t)(6 * nodes), sizeof *opened->bent_row);
     opened->turned_start = calloc((size_t)(6 * nodes), sizeof *opened->turned_start);
     opened->lumped = calloc((size_t)nodes, sizeof *opened->lumped);
-    if (!opened->stiffness || !opened->bends || !opened->bent_row || !opened->turned_start || !opened->lumped) return 0;
+    if (!opened->stiffness || !opened->rule_numbers || !opened->bends || !opened->bent_row || !opened->turned_start || !opened->lumped) return 0;
     opened->softens = opened->stiffness + m;
     memset(opened->lumped, 1, (size_t)p->frames * sizeof *opened->lumped);
     for (int64_t i = 0; i < p->lumps; i++) opened->lumped[p->frames + p->interfaces + p->masses + i].offset = 1;
     gather_bends(opened);
+    const Body one = {.p = p};
+    Arena arena = {opened->rule_numbers, 0, RULES * RULE_ROWS * m, 0};
+    for (int i = 0; i < RULES; i++) take_rule(&one, &arena, opened->rules + i);
     for (int64_t j = 0; j < m; j++) opened->stiffness[j] = p->omega[j] * p->omega[j];
     find_reach(opened);
     return 1;
@@ -84,27 +87,20 @@ static int complete(Opened *opened) {
 
 /* A body of what is open; null, which is one user less, with words in `why` without memory. */
 static Body *body_of(Opened *opened, const char **why) {
-    Body *body = calloc(1, sizeof *body);
+    Body counted = {.p = &opened->p, .opened = opened};
     Arena arena = {0};
+    lay_out(&counted, &arena);
+    Body *body = calloc(1, sizeof *body + (size_t)arena.used * sizeof(double));
     *why = NO_MEMORY;
     if (!body) {
         leave_opened(opened);
         return 0;
     }
-    body->opened = opened;
-    body->p = &opened->p;
-    lay_out(body, &arena);
-    body->arena = calloc((size_t)arena.used, sizeof(double));
-    body->need = calloc((size_t)(2 * body->p->nodes), sizeof *body->need);
-    body->pivot = calloc((size_t)(2 * body->p->modes + body->p->pulls), sizeof(int64_t));
-    if (!body->arena || !body->need || !body->pivot) {
-        body_close(body);
-        return 0;
-    }
-    body->memo_need = body->need + body->p->nodes;
+    *body = counted;
     body->arena_size = arena.used;
-    arena = (Arena){body->arena, 0, body->arena_size, 0};
+    arena = (Arena){(double *)(body + 1), 0, body->arena_size, 0};
     lay_out(body, &arena);
+    body->memo_need = body->need + body->p->nodes;
     const StepLimits usual = {0.0, 1e-3, 4096.0};
     body_options(body, 1.0, &usual);
     *why = 0;
@@ -157,9 +153,6 @@ int64_t body_bytes(const Body *body) { return body->opened->image.size + 8 * bod
 void body_close(Body *body) {
     if (!body) return;
     leave_opened(body->opened);
-    free(body->arena);
-    free(body->need);
-    free(body->pivot);
     free(body);
 }
 

@@ -28,16 +28,16 @@ extern const char NO_MODEL_EXCHANGE[];
 typedef struct {
     uint64_t sign;
     Instance *body;
-    fmi2CallbackFunctions callbacks;
-    /* Of an FMI 3.0 handle alone, whose texts are no formats; else null. */
-    void (*log)(fmi2ComponentEnvironment, int status, fmi2String category, fmi2String message);
-    char *name;
     Phase phase;
-    int logging, logged[CATEGORIES];
     int set_up; /* whether fmi2SetupExperiment was called */
     double stop; /* s: steps end here at the latest, once it is set up: a state may come before */
     int halvings; /* FMI 3.0: how often a refused step is tried at half its length; 0: the master wants whole steps */
     int talkative; /* whether the master asked for the log: else it gets refusals and the first warning of a kind */
+    fmi2CallbackFunctions callbacks;
+    /* Of an FMI 3.0 handle alone, whose texts are no formats; else null. */
+    void (*log)(fmi2ComponentEnvironment, int status, fmi2String category, fmi2String message);
+    char *name;
+    int logging, logged[CATEGORIES];
     char text[TEXT_SIZE], line[2 * TEXT_SIZE], room[TEXT_SIZE / 4];
     /* Names handed out by fmi2GetString stay until the next call. */
     char *strings;

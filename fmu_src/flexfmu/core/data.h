@@ -42,6 +42,14 @@ typedef struct {
     const double *curvature;
 } Bend;
 
+/* What calls overwrite. */
+typedef struct {
+    double *end_q, *end_v; /* (m): where a step that is not accepted yet ends */
+    double *four;          /* (m, 4): four rows of Configuration.turned in the making */
+    double *work;          /* arrays of one call */
+    int64_t work_size;
+} Scratch;
+
 /* What all internal steps of one length have in common: the exact propagation of the modes, docs/theory.md section 6. */
 typedef struct {
     double step;
@@ -49,7 +57,7 @@ typedef struct {
     double *response; /* (m, m), of a body with ties or dampers: B / g_q of (17a) */
 } Rule;
 
-enum { RULES = 16, TIED_RULES = 8 };
+enum { RULES = 16, TIED_RULES = 8, RULE_ROWS = 9 }; /* whose numbers lie in one run, from p11 on */
 
 typedef struct {
     double longest;   /* internal step, s; 0 for none */
@@ -68,7 +76,7 @@ typedef struct {
     double rotation, strain;
 } Deformed;
 
-/* A program that is open, and what follows from it once. Only opened.c changes the list, its counts and `softens`. */
+/* A program that is open, and what follows from it once. Only opened.c changes the list, its counts, `softens` and rules. */
 typedef struct Opened {
     Program p;
     Image image;         /* of a file, or a copy of its own */
@@ -86,37 +94,39 @@ typedef struct Opened {
     double rotation_reach, strain_reach; /* how fast deformation can grow with the coordinates */
     double *softens;       /* (L / 3): bounds of what unit forces and moments take off the stability */
     int softens_known;
+    int rule_count;
+    double *rule_numbers, rule_damping[RULES]; /* (RULES, 9, m): of all bodies that damp alike; their factor */
+    Rule rules[RULES];
 } Opened;
 
+/* First what every step takes: of many bodies in turn few lines of memory are touched. */
 typedef struct Body {
     const Program *p;
     Opened *opened;
     Slice *slice;         /* of what is done in pieces; null: all at once */
-    double damping_scale;
     StepLimits limits;
-    double *zeta;         /* (m), scaled */
-    double *four;         /* (m, 4): four rows of Configuration.turned in the making */
+    Deformed deformed;
+    int64_t step_size;    /* of Scratch.work in a step */
+    Scratch scratch;
+    int memo_known, rule_count;
+    const Rule *known[RULES]; /* rules by the order in which they were asked for: those of `opened`, or below */
     Need *need;           /* (K): of the step at hand */
     Configuration memo;   /* of the q last seen: a step begins, and outputs are read, where the step before it ended */
     Need *memo_need;
-    int memo_known;
     double *coupled;      /* (m, m): damping between modes of a body with ties, of dampers of any other */
     double *square;       /* (m, m) of both: in the making of the former, and of a rule */
+    double *zeta;         /* (m), scaled */
     double *rate;         /* (m): damping of each mode, 1/s */
-    int rule_count, rule_next, rule_limit;
-    Deformed deformed;
-    double *end_q, *end_v; /* (m): where a step that is not accepted yet ends */
-    double *work;         /* arrays of one call */
+    double damping_scale;
+    int rule_next, rule_limit;
     int64_t *pivot;       /* (2m) */
-    int64_t work_size, step_size; /* of any call, and of a step */
-    double *arena;
-    int64_t arena_size;   /* numbers */
+    int64_t arena_size;   /* numbers that lie behind */
     Rule rules[RULES];
 } Body;
 
 /* Arrays of one call: all of the workspace. */
 static inline Arena work_arena(const Body *body) {
-    const Arena arena = {body->work, 0, body->work_size, 0};
+    const Arena arena = {body->scratch.work, 0, body->scratch.work_size, 0};
     return arena;
 }
 

@@ -75,8 +75,18 @@ static int variables_fit(const Program *p) {
     return 1;
 }
 
+static Overwritten take_overwritten(const Instance *x, Arena *arena) {
+    Overwritten over;
+    double **by_load[] = {&over.start_inputs, &over.end_inputs, &over.seen, &over.room}, **by_mode[] = {&over.q1, &over.v1, &over.shape};
+    for (size_t i = 0; i < sizeof by_load / sizeof *by_load; i++) *by_load[i] = take(arena, x->loads);
+    for (size_t i = 0; i < sizeof by_mode / sizeof *by_mode; i++) *by_mode[i] = take(arena, x->modes);
+    return over;
+}
+
 static void lay_out(Instance *x, Arena *arena) {
     const Program *p = description(x);
+    x->motion = take(arena, 6 * p->interfaces);
+    x->rates = take(arena, 6 * p->interfaces);
     x->numbers = take(arena, 0);
     const int64_t before = arena->used;
     x->parameter = take(arena, x->parameters);
@@ -89,14 +99,7 @@ static void lay_out(Instance *x, Arena *arena) {
     x->seen = take(arena, x->loads);
     x->states = take(arena, STATES * (x->modes + x->loads));
     x->number_count = arena->used - before;
-    x->motion = take(arena, 6 * p->interfaces);
-    x->rates = take(arena, 6 * p->interfaces);
-    x->start_inputs = take(arena, x->loads);
-    x->end_inputs = take(arena, x->loads);
-    x->q1 = take(arena, x->modes);
-    x->v1 = take(arena, x->modes);
-    x->room = take(arena, x->loads);
-    x->shape = take(arena, x->modes);
+    x->own = x->over = take_overwritten(x, arena);
     x->kept = take(arena, x->number_count);
     x->stress = take(arena, p->stress_sets);
     x->compliance = take(arena, 36 * p->compliances * p->compliances);
@@ -123,26 +126,27 @@ void instance_reset(Instance *x) {
     x->cached = 0;
 }
 
+/* Let go what an instance holds; no instance. */
+static Instance *instance_without(Instance *x) {
+    instance_forget_body(x);
+    body_close(x->described);
+    free(x->folder);
+    return 0;
+}
+
 Instance *instance_open(const char *location, const char *guid, char *why) {
-    Instance *x = calloc(1, sizeof *x);
+    Instance counted = {.folder = path_of_location(location)}, *x = &counted;
     snprintf(why, TEXT_SIZE, "there is not enough memory");
-    if (!x) return 0;
-    x->folder = path_of_location(location);
-    if (!x->folder || !(x->described = open_named(x, DESCRIPTION, why))) {
-        instance_close(x);
-        return 0;
-    }
+    if (!x->folder || !(x->described = open_named(x, DESCRIPTION, why))) return instance_without(x);
     const Program *p = description(x);
     if (!guid || strcmp(guid, p->guid) != 0) {
         snprintf(why, TEXT_SIZE, "the guid %.80s is not that of this FMU's body, %.80s: modelDescription.xml and resources belong to different FMUs",
                  guid ? guid : "(none)", p->guid);
-        instance_close(x);
-        return 0;
+        return instance_without(x);
     }
     if (!p->variables || !variables_fit(p)) {
         snprintf(why, TEXT_SIZE, "%s describes no variables; build the FMU again", DESCRIPTION);
-        instance_close(x);
-        return 0;
+        return instance_without(x);
     }
     x->owner = body_mark(x->described);
     x->modes = p->modes;
@@ -151,12 +155,10 @@ Instance *instance_open(const char *location, const char *guid, char *why) {
     x->parameters = P_FIXED + p->interfaces;
     Arena arena = {0};
     lay_out(x, &arena);
-    x->arena = calloc((size_t)arena.used, sizeof(double));
-    if (!x->arena) {
-        instance_close(x);
-        return 0;
-    }
-    arena = (Arena){x->arena, 0, arena.used, 0};
+    x = calloc(1, sizeof *x + (size_t)arena.used * sizeof(double));
+    if (!x) return instance_without(&counted);
+    *x = counted;
+    arena = (Arena){(double *)(x + 1), 0, arena.used, 0};
     lay_out(x, &arena);
     instance_reset(x);
     return x;
@@ -164,10 +166,7 @@ Instance *instance_open(const char *location, const char *guid, char *why) {
 
 void instance_close(Instance *x) {
     if (!x) return;
-    instance_forget_body(x);
-    body_close(x->described);
-    free(x->folder);
-    free(x->arena);
+    instance_without(x);
     free(x);
 }
 
@@ -324,15 +323,15 @@ Answer instance_begin(Instance *x, char *why) {
             if (!isfinite(x->input[i])) return wrong_input(x, i, "static initialisation: ", why);
         double share;
         int64_t rounds;
-        scale_inputs(&x->scale, description(x), x->input, x->start_inputs);
-        const int answer = body_static(x->body, x->start_inputs, x->q1, &share, &rounds);
+        scale_inputs(&x->scale, description(x), x->input, x->over.start_inputs);
+        const int answer = body_static(x->body, x->over.start_inputs, x->over.q1, &share, &rounds);
         if (answer != FLEX_OK) {
             char words[TEXT_SIZE];
             body_static_refusal(x->body, answer, share, words, TEXT_SIZE);
             snprintf(why, TEXT_SIZE, "static initialisation: %.900s", words);
             return ANSWER_FAILED;
         }
-        memcpy(x->q, x->q1, (size_t)m * sizeof(double));
+        memcpy(x->q, x->over.q1, (size_t)m * sizeof(double));
     }
     x->single[S_MODES] = (double)m;
     x->single[S_KNOWN] = 1.0;
@@ -348,8 +347,8 @@ void instance_end(Instance *x) {
 Answer instance_start(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     for (int64_t i = 0; i < x->loads; i++) x->previous[i] = isfinite(x->input[i]) ? x->input[i] : 0.0;
-    scale_inputs(&x->scale, description(x), x->previous, x->start_inputs);
-    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0.0, x->start_inputs, why) != ANSWER_OK) {
+    scale_inputs(&x->scale, description(x), x->previous, x->over.start_inputs);
+    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0.0, x->over.start_inputs, why) != ANSWER_OK) {
         char text[TEXT_SIZE];
         memcpy(text, why, TEXT_SIZE);
         snprintf(why, TEXT_SIZE, "static initialisation: %.900s", text);
@@ -375,8 +374,8 @@ static int over_step(Instance *x, double step) {
             start = now;
             end = now + rate * step;
         }
-        x->start_inputs[i] = start;
-        x->end_inputs[i] = end;
+        x->over.start_inputs[i] = start;
+        x->over.end_inputs[i] = end;
         differ |= start != end;
     }
     return differ;
@@ -397,7 +396,7 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
     const int64_t m = x->body->p->modes;
     const int ramps = over_step(x, step);
     for (int64_t i = 0; i < x->loads; i++) {
-        if (isfinite(x->start_inputs[i]) && isfinite(x->end_inputs[i])) continue;
+        if (isfinite(x->over.start_inputs[i]) && isfinite(x->over.end_inputs[i])) continue;
         snprintf(why, TEXT_SIZE, SAY_GROWS, step);
         return instance_failed(x, ANSWER_REFUSED);
     }
@@ -406,21 +405,21 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
         snprintf(why, TEXT_SIZE, SAY_FEWEST, fewest);
         return instance_failed(x, ANSWER_REFUSED);
     }
-    scale_inputs(&x->scale, description(x), x->start_inputs, x->start_inputs);
-    scale_inputs(&x->scale, description(x), x->end_inputs, x->end_inputs);
+    scale_inputs(&x->scale, description(x), x->over.start_inputs, x->over.start_inputs);
+    scale_inputs(&x->scale, description(x), x->over.end_inputs, x->over.end_inputs);
     int64_t hint = (int64_t)fmax(x->single[S_HINT], ceil(fewest));
     Work work = {0, 0, 0.0};
-    memcpy(x->q1, x->q, (size_t)m * sizeof(double));
-    memcpy(x->v1, x->v, (size_t)m * sizeof(double));
-    const int answer = body_step(x->body, x->start_inputs, ramps ? x->end_inputs : 0, within, x->q1, x->v1, &hint, &work);
+    memcpy(x->over.q1, x->q, (size_t)m * sizeof(double));
+    memcpy(x->over.v1, x->v, (size_t)m * sizeof(double));
+    const int answer = body_step(x->body, x->over.start_inputs, ramps ? x->over.end_inputs : 0, within, x->over.q1, x->over.v1, &hint, &work);
     if (answer != FLEX_OK) {
         body_refusal(x->body, answer, step, &work, why, TEXT_SIZE);
         return instance_failed(x, step_refused(x));
     }
-    const Answer verdict = inspect(x, x->q1, x->v1, within, ramps ? x->end_inputs : x->start_inputs, why);
+    const Answer verdict = inspect(x, x->over.q1, x->over.v1, within, ramps ? x->over.end_inputs : x->over.start_inputs, why);
     if (verdict != ANSWER_OK) return instance_failed(x, verdict);
-    memcpy(x->q, x->q1, (size_t)m * sizeof(double));
-    memcpy(x->v, x->v1, (size_t)m * sizeof(double));
+    memcpy(x->q, x->over.q1, (size_t)m * sizeof(double));
+    memcpy(x->v, x->over.v1, (size_t)m * sizeof(double));
     /* A derivative holds for one step, at whose end the input stays where it has grown to. */
     for (int64_t i = 0; i < x->loads; i++) {
         if (x->input_rate[i] != 0.0) x->input[i] += x->input_rate[i] * step;
@@ -437,10 +436,20 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
     return ANSWER_OK;
 }
 
+/* Numbers that steps overwrite which may lie on the stack: of many instances in turn they stay in the processor's cache there. */
+enum { ON_THE_STACK = 2048 };
+
 Answer instance_step(Instance *x, double time, double step, int *halvings, char *why) {
     const double status = x->single[S_STATUS];
+    double room[ON_THE_STACK];
+    Arena arena = {room, 0, ON_THE_STACK, 0};
+    Answer answer;
+    const Overwritten over = take_overwritten(x, &arena);
+    if (!arena.refused) x->over = over;
     for (;; --*halvings, step *= 0.5, x->single[S_STATUS] = status) {
-        const Answer answer = whole_step(x, time, step, why);
-        if (answer != ANSWER_REFUSED || *halvings <= 0) return answer;
+        answer = whole_step(x, time, step, why);
+        if (answer != ANSWER_REFUSED || *halvings <= 0) break;
     }
+    x->over = x->own;
+    return answer;
 }

@@ -50,26 +50,34 @@ typedef void (*Teller)(void *to, int status, const char *text);
 
 enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4, CACHED_ERROR = 8 };
 
+/* What calls overwrite: loads at a step's start and end, and what was last looked at, (L) like `room`; where it ends, (m) like `shape`. */
 typedef struct {
-    char *folder;
+    double *start_inputs, *end_inputs, *seen, *room, *q1, *v1, *shape;
+} Overwritten;
+
+/* First what every step takes. Numbers lie behind. */
+typedef struct {
     Body *described; /* of the method at the start */
     Body *body;      /* of the method chosen, once it is known */
     Body *shadow;    /* what tells its error; null where there is none */
+    Scale scale;     /* of the parameters, where the body is known */
+    int64_t modes, loads;
+    /* All that the future depends on, one run of numbers from the parameters on. */
+    double *parameter, *input, *input_rate, *previous, *single, *q, *v, *seen, *states;
+    /* What is found when it is asked for. */
+    double *motion, *rates;
+    Overwritten over;
+    Pieces pieces; /* of the look under way */
+    int cached;
+    double *stress, *compliance, *errors, *kept;
+    double error, bound; /* over the deflection */
+    double *numbers;
+    int64_t number_count, parameters, fixable;
+    Overwritten own;
     uint64_t owner;  /* what states are known by */
     Teller teller;
     void *told;
-    Scale scale;     /* of the parameters, where the body is known */
-    int64_t modes, loads, parameters, fixable;
-    double *arena;
-    /* All that the future depends on, one run of numbers from here on. */
-    double *numbers;
-    int64_t number_count;
-    double *parameter, *input, *input_rate, *previous, *single, *q, *v, *seen, *states;
-    Pieces pieces; /* of the look under way */
-    /* What is found when it is asked for. */
-    int cached;
-    double *motion, *rates, *stress, *compliance, *errors, *start_inputs, *end_inputs, *q1, *v1, *room, *shape, *kept;
-    double error, bound; /* over the deflection */
+    char *folder;
 } Instance;
 
 /* Single numbers of the state. */

@@ -23,7 +23,7 @@ int find_motion_at(Instance *x, const double *q, const double *v) {
 
 /* What is looked for; limits and what happens beyond them follow each other in turn. */
 static Monitor monitor_of(Instance *x) {
-    Monitor monitor = {x->body, x->shadow, x->scale, {{0}}, x->parameter[P_ERROR_INTERVAL], x->room, x->shape, x->errors, &x->pieces};
+    Monitor monitor = {x->body, x->shadow, x->scale, {{0}}, x->parameter[P_ERROR_INTERVAL], x->over.room, x->over.shape, x->errors, &x->pieces};
     const double *limit = x->parameter + P_ROTATION_LIMIT;
     for (int i = 0; i < WATCHES; i++, limit += 2) monitor.watch[i] = (Watch){limit[0], (OnLimit)limit[1]};
     return monitor;
@@ -82,7 +82,7 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
     x->cached = 0;
     if (!rests && !find_motion_at(x, q, v)) return instance_lacks_room(x, why);
     if (!within_bounds(x->body, &bounds, &end, why, TEXT_SIZE)) return step_refused(x);
-    memcpy(x->kept, x->seen, (size_t)x->loads * sizeof(double));
+    memcpy(x->over.seen, x->seen, (size_t)x->loads * sizeof(double));
     Memory memory = recalled(x);
     look(&monitor, &end, &memory, &found);
     for (int i = 0; i < found.count; i++) {
@@ -92,7 +92,7 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
         if (answer == ANSWER_OK) answer = ANSWER_REFUSED;
     }
     if (answer != ANSWER_OK) {
-        memcpy(x->seen, x->kept, (size_t)x->loads * sizeof(double));
+        memcpy(x->seen, x->over.seen, (size_t)x->loads * sizeof(double));
         return answer;
     }
     keep_memory(x, &memory);

@@ -25,9 +25,20 @@ typedef struct {
 /* Whether mass is a polynomial in the axes of a root that turns freely. */
 static int turns_by_polynomial(const Program *p) { return p->turns && p->inertial && !p->lumped; }
 
+/* The first of what is taken for motion. */
+static void take_seen(const Body *body, Arena *arena, Configuration *at, Rates *rates) {
+    take_rates(body, arena, rates);
+    take_configuration(body, arena, at);
+}
+
+void seen_demand(const Body *body, Arena *arena) {
+    Configuration at;
+    Rates rates;
+    take_seen(body, arena, &at, &rates);
+}
+
 static void take_motion(const Body *body, Arena *arena, Motion *room) {
-    take_rates(body, arena, &room->rates);
-    take_configuration(body, arena, &room->at);
+    take_seen(body, arena, &room->at, &room->rates);
     take_flow(body, arena, &room->flow);
     take_stretch(body, arena, &room->stretch);
     if (turns_by_polynomial(body->p)) {
@@ -73,26 +84,36 @@ void body_nodes(Body *body, const double *q, double *position, double *rotation)
     memcpy(rotation, at->rotation, (size_t)(9 * body->p->nodes) * sizeof(double));
 }
 
-int body_motion(Body *body, const double *q, const double *v, double *motion, double *rates) {
+static int motion_in_scratch(Body *body, const double *q, const double *v, double *motion, double *rates) {
     const Program *p = body->p;
     Arena arena = work_arena(body);
-    const Configuration *at = whole_configuration(body, q);
+    Configuration seen;
+    Rates of;
+    take_seen(body, &arena, &seen, &of);
+    if (arena.refused) return FLEX_NO_ROOM;
+    /* Where no step keeps where it ends, nothing is kept here. */
+    if (!body->memo_known) configure(body, q, &seen);
+    const Configuration *at = body->memo_known ? whole_configuration(body, q) : &seen;
     for (int64_t i = 0; i < p->interfaces; i++) {
         const int64_t k = p->frames + i;
         for (int c = 0; c < 3; c++) motion[6 * i + c] = at->position[3 * k + c] - p->point[3 * k + c];
         rotation_vector(at->rotation + 9 * k, motion + 6 * i + 3);
     }
     if (!rates) return FLEX_OK;
-    /* The first of what is taken for motion. */
-    Rates of;
-    take_rates(body, &arena, &of);
-    if (arena.refused) return FLEX_NO_ROOM;
     node_rates(body, 0, at, v, &of);
     for (int64_t i = 0; i < p->interfaces; i++) {
         memcpy(rates + 6 * i, of.velocity + 3 * (p->frames + i), 3 * sizeof(double));
         memcpy(rates + 6 * i + 3, of.spin + 3 * (p->frames + i), 3 * sizeof(double));
     }
     return FLEX_OK;
+}
+
+int body_motion(Body *body, const double *q, const double *v, double *motion, double *rates) {
+    double room[ON_STACK];
+    const Scratch own = onto_stack(body, room);
+    const int answer = motion_in_scratch(body, q, v, motion, rates);
+    body->scratch = own;
+    return answer;
 }
 
 void body_stress(Body *body, const double *q, double *largest) {

@@ -4,6 +4,8 @@
 
 #include "data.h"
 
+/* Of what is seen after each step; then of any call below. */
+void seen_demand(const Body *body, Arena *arena);
 void motion_demand(const Body *body, Arena *arena);
 void pushes_demand(const Body *body, Arena *arena);
 

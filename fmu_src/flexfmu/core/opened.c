@@ -52,6 +52,7 @@ void leave_opened(Opened *opened) {
     while (opened && left(opened)) {
         Opened *base = opened->base;
         free(opened->stiffness);
+        free(opened->rule_numbers);
         free(opened->bends);
         free(opened->bent_row);
         free(opened->turned_start);
@@ -75,4 +76,25 @@ void keep_softens(Opened *opened, const double *softens) {
     if (!opened->softens_known) memcpy(opened->softens, softens, (size_t)((opened->p.loads + 2) / 3) * sizeof(double));
     opened->softens_known = 1;
     end_list();
+}
+
+const Rule *find_rule(const Opened *opened, double step, double damping_scale) {
+    const Rule *found = 0;
+    begin_list();
+    for (int i = 0; i < opened->rule_count && !found; i++)
+        if (opened->rules[i].step == step && opened->rule_damping[i] == damping_scale) found = opened->rules + i;
+    end_list();
+    return found;
+}
+
+const Rule *keep_rule(Opened *opened, const Rule *rule, double damping_scale) {
+    Rule *kept = 0;
+    if (begin_list() && opened->rule_count < RULES) {
+        kept = opened->rules + opened->rule_count;
+        kept->step = rule->step;
+        memcpy(kept->p11, rule->p11, (size_t)(RULE_ROWS * opened->p.modes) * sizeof(double));
+        opened->rule_damping[opened->rule_count++] = damping_scale;
+    }
+    end_list();
+    return kept;
 }

@@ -13,5 +13,9 @@ void leave_opened(Opened *opened);
 /* Whether `softens` is known; what it is, for all users, unless it has become known meanwhile. */
 int softens_known(const Opened *opened);
 void keep_softens(Opened *opened, const double *softens);
+/* The rule of a step and a factor on all damping, as any user has made it; null where nobody has. */
+const Rule *find_rule(const Opened *opened, double step, double damping_scale);
+/* Let others find a rule: where it is from now on; null where there is no room, or nothing is shared. */
+const Rule *keep_rule(Opened *opened, const Rule *rule, double damping_scale);
 
 #endif

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "algebra.h"
+#include "opened.h"
 
 /* Newer versions of the C library have others of these functions, with the same digits: by the old ones the library loads
  * with glibc 2.17, too. */
@@ -87,8 +88,8 @@ static void response_rule(Body *body, Rule *r) {
 }
 
 void take_rule(const Body *body, Arena *arena, Rule *r) {
-    double **each[9] = {&r->p11, &r->p12, &r->p21, &r->p22, &r->gq, &r->gv, &r->ramp, &r->ramp_rate, &r->lag};
-    for (int k = 0; k < 9; k++) *each[k] = take(arena, body->p->modes);
+    double **each[RULE_ROWS] = {&r->p11, &r->p12, &r->p21, &r->p22, &r->gq, &r->gv, &r->ramp, &r->ramp_rate, &r->lag};
+    for (int k = 0; k < RULE_ROWS; k++) *each[k] = take(arena, body->p->modes);
 }
 
 void take_rules(Body *body, Arena *arena) {
@@ -103,10 +104,14 @@ void take_rules(Body *body, Arena *arena) {
 
 const Rule *rule_of(Body *body, double step) {
     for (int i = 0; i < body->rule_count; i++)
-        if (body->rules[i].step == step) return body->rules + i;
+        if (body->known[i]->step == step) return body->known[i];
     Rule *r = body->rules + body->rule_next;
+    const Rule **known = body->known + body->rule_next;
     body->rule_next = (body->rule_next + 1) % body->rule_limit;
     if (body->rule_count < body->rule_limit) body->rule_count++;
+    const int alike = !crossed(body->p);
+    *known = alike ? find_rule(body->opened, step, body->damping_scale) : 0;
+    if (*known) return *known;
     r->step = step;
     for (int64_t j = 0; j < body->p->modes; j++) {
         const double w = body->p->omega[j];
@@ -114,5 +119,6 @@ const Rule *rule_of(Body *body, double step) {
     }
     if (body->p->tied) tie_rule(body, r);
     if (crossed(body->p)) response_rule(body, r);
-    return r;
+    const Rule *kept = alike ? keep_rule(body->opened, r, body->damping_scale) : 0;
+    return *known = kept ? kept : r;
 }

@@ -236,7 +236,7 @@ void find_softening(Body *body) {
     Arena arena = work_arena(body);
     Room *room = room_in(body, &arena);
     if (!softened_by_loads_alone(p) || !room || softens_known(body->opened)) return;
-    double *rest = body->end_q, *softens = room->found;
+    double *rest = body->scratch.end_q, *softens = room->found;
     memset(rest, 0, (size_t)p->modes * sizeof(double));
     configure(body, rest, &room->at);
     memset(softens, 0, (size_t)((p->loads + 2) / 3) * sizeof(double));

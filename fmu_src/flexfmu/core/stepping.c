@@ -169,9 +169,9 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
     int answer = UNSETTLED;
     while ((double)all.count <= most && all.rounds < all.most_rounds) {
         all.step = step / (double)all.count;
-        memcpy(body->end_q, q, size);
-        memcpy(body->end_v, v, size);
-        answer = kind_of(body->p)->steps(body, &all, body->end_q, body->end_v);
+        memcpy(body->scratch.end_q, q, size);
+        memcpy(body->scratch.end_v, v, size);
+        answer = kind_of(body->p)->steps(body, &all, body->scratch.end_q, body->scratch.end_v);
         if (answer == NO_ROOM) return FLEX_NO_ROOM;
         work->iterations = all.rounds;
         work->substeps = all.count;
@@ -207,7 +207,7 @@ static int step_in_workspace(Body *body, const double *inputs, const double *inp
     }
     int64_t next = *hint;
     /* A step that fails leaves the state as it was. */
-    double *q1 = body->end_q, *v1 = body->end_v;
+    double *q1 = body->scratch.end_q, *v1 = body->scratch.end_v;
     memcpy(q1, q, size);
     memcpy(v1, v, size);
     const int found = exact_step(body, inputs, inputs_end, step, q1, v1);
@@ -226,18 +226,11 @@ static int step_in_workspace(Body *body, const double *inputs, const double *inp
     return FLEX_OK;
 }
 
-/* Numbers of a step's arrays that may lie on the stack: of many bodies in turn they stay in the processor's cache there. */
-enum { ON_STACK = 8192 };
-
 int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
               int64_t *hint, Work *work) {
-    if (body->step_size > ON_STACK) return step_in_workspace(body, inputs, inputs_end, step, q, v, hint, work);
-    double room[ON_STACK], *own = body->work;
-    const int64_t size = body->work_size;
-    body->work = room;
-    if (size > ON_STACK) body->work_size = ON_STACK;
+    double room[ON_STACK];
+    const Scratch own = onto_stack(body, room);
     const int answer = step_in_workspace(body, inputs, inputs_end, step, q, v, hint, work);
-    body->work = own;
-    body->work_size = size;
+    body->scratch = own;
     return answer;
 }

@@ -23,6 +23,23 @@ void take_configuration(const Body *body, Arena *arena, Configuration *at) {
     at->jacobian = take(arena, 9 * p->nodes);
 }
 
+void take_scratch(const Body *body, Arena *arena, int64_t work_size, Scratch *scratch) {
+    const int64_t m = body->p->modes;
+    scratch->end_q = take(arena, m);
+    scratch->end_v = take(arena, m);
+    scratch->four = take(arena, LANES * m);
+    scratch->work = take(arena, work_size);
+    scratch->work_size = work_size;
+}
+
+Scratch onto_stack(Body *body, double *room) {
+    const Scratch own = body->scratch;
+    const int64_t rest = ON_STACK - (2 + LANES) * body->p->modes;
+    Arena arena = {room, 0, ON_STACK, 0};
+    if (body->step_size <= rest) take_scratch(body, &arena, own.work_size < rest ? own.work_size : rest, &body->scratch);
+    return own;
+}
+
 int64_t moving_rows(const Program *p) { return 6 * p->nodes - 3 * p->lumps; }
 
 const double *part_basis(const Program *p, int64_t part) {
@@ -51,12 +68,12 @@ void four_rows(const Body *body, const double *packed, const double *x, double *
     const int64_t groups = packed_groups(r);
     const Rows now = rows_due(body->slice, groups, (double)(LANES * r * r / 2 / groups));
     /* What goes on in another call waits in its place. */
-    double *four = body->slice ? rows : body->four;
+    double *four = body->slice ? rows : body->scratch.four;
     if (now.at == now.end) return;
     packed_times(packed, x, four, r, now.at, now.end);
     if (now.end < groups) return;
-    if (body->slice) memcpy(body->four, rows, (size_t)(LANES * r) * sizeof(double));
-    unpack(body->four, rows, r);
+    if (body->slice) memcpy(body->scratch.four, rows, (size_t)(LANES * r) * sizeof(double));
+    unpack(body->scratch.four, rows, r);
 }
 
 void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r) {

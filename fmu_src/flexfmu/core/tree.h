@@ -6,6 +6,12 @@
 
 void take_configuration(const Body *body, Arena *arena, Configuration *at);
 void configure(const Body *body, const double *q, Configuration *at);
+/* What calls overwrite, with so many numbers of work. */
+void take_scratch(const Body *body, Arena *arena, int64_t work_size, Scratch *scratch);
+/* Numbers of it that may lie on the stack: of many bodies in turn they stay in the processor's cache there. */
+enum { ON_STACK = 8192 };
+/* Let it lie in `room` (ON_STACK) if a step needs no more; where it was, to be put back. */
+Scratch onto_stack(Body *body, double *room);
 /* Cost of that, in multiplications. */
 double configuration_cost(const Body *body);
 /* All that is linear in q, what places are made of; null `need`: all. */
