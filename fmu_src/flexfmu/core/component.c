@@ -136,7 +136,7 @@ Component *given(Component *c, int whole, const char *call) {
 int64_t variable_of(Component *c, fmi2ValueReference reference, int type, const char *call) {
     static const char *const types[][4] = {{"Real", "Integer", "Boolean", "String"}, {"Float64", "Int32", "Boolean", "String"}};
     const Program *p = instance_description(c->body);
-    if ((int64_t)reference < p->variables && p->variable_type[reference] == type) return (int64_t)reference;
+    if (of_type(p, reference, type)) return (int64_t)reference;
     snprintf(c->text, TEXT_SIZE, "%s: value reference %u is no %s variable of this FMU; see its modelDescription.xml", call, reference, types[c->log != 0][type]);
     tell(c, fmi2Error, c->text);
     return -1;

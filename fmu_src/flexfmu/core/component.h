@@ -60,6 +60,10 @@ fmi2Status fail(Component *c, const char *text);
 Component *allowed(fmi2Component handle, int phases, const char *call);
 /* The same for calls with arrays, none of which may be missing. */
 Component *given(Component *c, int whole, const char *call);
+/* Whether a reference is that of a variable of a type. */
+static inline int of_type(const Program *p, fmi2ValueReference reference, int type) {
+    return (int64_t)reference < p->variables && p->variable_type[reference] == type;
+}
 /* The variable of a reference, checked for its type; -1, told, where there is none. */
 int64_t variable_of(Component *c, fmi2ValueReference reference, int type, const char *call);
 

@@ -12,12 +12,13 @@ static fmi2Status numbers_of(fmi2Component handle, const fmi2ValueReference refe
                              const char *call, void *values) {
     Component *c = given(allowed(handle, READABLE, call), !count || (references && values), call);
     if (!c) return fmi2Error;
+    const Program *p = instance_description(c->body);
     for (size_t i = 0; i < count; i++)
-        if (variable_of(c, references[i], type, call) < 0) return fmi2Error;
+        if (!of_type(p, references[i], type) && variable_of(c, references[i], type, call) < 0) return fmi2Error;
     for (size_t i = 0; i < count; i++) {
         double number;
         if (get_number(c->body, (int64_t)references[i], &number, c->text) != ANSWER_OK) return fail(c, c->text);
-        const int64_t role = instance_description(c->body)->variable_role[references[i]];
+        const int64_t role = p->variable_role[references[i]];
         /* Inputs and parameters are what the master set. */
         if (!isfinite(number) && role != ROLE_INPUT && role != ROLE_PARAMETER) {
             snprintf(c->text, TEXT_SIZE, "%s: %s has no finite value: the loads are too large for the arithmetic; lower them", call,
@@ -68,7 +69,7 @@ static Component *settable(fmi2Component handle, const fmi2ValueReference vr[], 
     if (!c) return 0;
     const Program *p = instance_description(c->body);
     for (size_t i = 0; i < n; i++) {
-        if (variable_of(c, vr[i], type, call) < 0) return 0;
+        if (!of_type(p, vr[i], type) && variable_of(c, vr[i], type, call) < 0) return 0;
         if (p->variable_role[vr[i]] == ROLE_INPUT || p->variable_role[vr[i]] == ROLE_PARAMETER) continue;
         snprintf(c->text, TEXT_SIZE, "%s: %s cannot be set, expected an input or a parameter", call, variable_text(c->body, (int64_t)vr[i], 0, c->room));
         tell(c, fmi2Error, c->text);

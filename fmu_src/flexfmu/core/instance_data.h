@@ -89,6 +89,9 @@ enum {
 
 static inline const Program *description(const Instance *x) { return x->described->p; }
 
+/* Whether body and state are known, so that instance_begin has nothing to do. */
+static inline int begun(const Instance *x) { return x->body && x->single[S_KNOWN] != 0.0; }
+
 static inline int runs(const Instance *x) { return x->single[S_RUNNING] != 0.0; }
 
 #endif

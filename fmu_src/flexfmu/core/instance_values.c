@@ -78,18 +78,18 @@ static Answer ready(Instance *x, char *why) {
 }
 
 static Answer instance_begun(Instance *x, char *why) {
-    return instance_begin(x, why) == ANSWER_OK ? ANSWER_OK : instance_failed(x, ANSWER_FAILED);
+    return begun(x) || instance_begin(x, why) == ANSWER_OK ? ANSWER_OK : instance_failed(x, ANSWER_FAILED);
 }
 
 static Answer find_motion(Instance *x, char *why) {
-    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    if (instance_begun(x, why) != ANSWER_OK) return ANSWER_FAILED;
     if (!(x->cached & CACHED_MOTION) && !find_motion_at(x, x->q, x->v)) return instance_lacks_room(x, why);
     x->cached |= CACHED_MOTION;
     return ANSWER_OK;
 }
 
 static Answer find_stress(Instance *x, char *why) {
-    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    if (instance_begun(x, why) != ANSWER_OK) return ANSWER_FAILED;
     if (x->cached & CACHED_STRESS) return ANSWER_OK;
     body_stress(x->body, x->q, x->stress);
     for (int64_t i = 0; i < description(x)->stress_sets; i++) x->stress[i] *= x->scale.stiffness;
@@ -98,7 +98,7 @@ static Answer find_stress(Instance *x, char *why) {
 }
 
 static Answer find_compliance(Instance *x, char *why) {
-    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    if (instance_begun(x, why) != ANSWER_OK) return ANSWER_FAILED;
     const Program *p = description(x);
     if (x->cached & CACHED_COMPLIANCE) return ANSWER_OK;
     if (body_compliance(x->body, acting(x), usual_step(x), x->q, p->compliance_interface, p->compliances, x->compliance) != FLEX_OK)
@@ -115,7 +115,7 @@ static int64_t compliance_place(const Program *p, int64_t index) {
 }
 
 static Answer find_errors(Instance *x, char *why) {
-    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    if (instance_begun(x, why) != ANSWER_OK) return ANSWER_FAILED;
     judge(x);
     return ANSWER_OK;
 }
@@ -148,7 +148,7 @@ Answer instance_derivative(Instance *x, const int64_t *outputs, int64_t output_c
             snprintf(why, TEXT_SIZE, "derivatives are offered by inputs, not by %s", variable_text(x, inputs[i], 0, room));
             return ANSWER_REFUSED;
         }
-    if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
+    if (instance_begun(x, why) != ANSWER_OK) return ANSWER_FAILED;
     memset(x->over.start_inputs, 0, (size_t)x->loads * sizeof(double));
     for (int64_t i = 0; i < input_count; i++) x->over.start_inputs[p->variable_index[inputs[i]]] += direction[i];
     scale_inputs(&x->scale, p, x->over.start_inputs, x->over.start_inputs);
