@@ -25,8 +25,9 @@ from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.model import Material, Mesh
 from flexfmu.mesh.shells import expanded
 from flexfmu.model.rotations import exponential
+from flexfmu.reduction.interfaces import fit_interface
 from flexfmu.reduction.model import assemble_model
-from flexfmu.reduction.options import BodyOptions
+from flexfmu.reduction.options import BodyOptions, InterfaceNodes
 from meshes import box
 
 RESULTS = np.genfromtxt(FILE, delimiter=",", names=True, dtype=None, encoding="utf-8")
@@ -403,6 +404,22 @@ def test_bent_shells_and_beams_vibrate_with_the_mass_of_the_deformed_body(tmp_pa
         np.testing.assert_allclose(in_plane_frequencies(body, own.force, places, mass), expected, rtol=4e-3)
     found = in_plane_frequencies(body, own.force, places, "constant")
     assert np.abs(found / expected - 1.0).max() > 0.015
+
+
+@pytest.mark.parametrize("kind", ["quad", "quad8"])
+def test_loads_spread_along_an_edge_of_shells_that_crosses_a_rib(kind):
+    """By its length, however uneven its nodes are; the knot holds a line of the rib, too."""
+    plate = grid(4, 8, lambda x, y: (x, y * (1.0 + y) - 1.0, 0.0), kind)
+    middle = next(y for y in np.unique(plate[0][:, 1]) if y > -0.5)
+    rib = grid(4, 2, lambda x, y: (x, middle, 0.3 * y), kind)
+    points, rows = np.unique(np.concatenate([plate[0], rib[0]]).round(9), axis=0, return_inverse=True)
+    cells = np.concatenate([plate[1], rib[1] + len(plate[0])])
+    edge = np.flatnonzero((points[:, 0] == 1.0) & (points[:, 2] == 0.0))
+    mesh = flexfmu.shell_mesh(points, {kind: rows.ravel()[cells]}, 0.01, EDGE=edge)
+    fit = fit_interface(InterfaceNodes("edge", "EDGE"), mesh, ())
+    assert fit.by_area
+    np.testing.assert_allclose(fit.point, [1.0, 0.0, 0.0], atol=1e-6)
+    assert points[edge, 1].mean() < -0.1
 
 
 def test_a_mesh_of_shells_in_memory_is_that_of_the_deck(tmp_path):

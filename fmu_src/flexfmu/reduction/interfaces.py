@@ -94,15 +94,12 @@ def fit_interface(table: InterfaceNodes, mesh: Mesh, subdomains: Sequence[Subdom
             "point, which tells no rotation and takes no moment; give the interface at least three nodes off a line"
         )
     added, by_area = np.setdiff1d(weighted.nodes, nodes), weighted.weight.nnz > weighted.nodes.size
-    frame = carrying_frame(subdomains, nodes)
-    return InterfaceFit(table.name, point, weighted.nodes, added, operator, by_area, frame)
+    return InterfaceFit(table.name, point, weighted.nodes, added, operator, by_area, carrying_frame(subdomains, nodes))
 
 
 def _of_elements(mesh: Mesh, nodes: IntArray) -> IntArray:
     """These nodes and all others of the elements that hold one of them."""
-    member = np.zeros(len(mesh.points), dtype=bool)
-    member[nodes] = True
-    touched = [b.connectivity[member[b.connectivity].any(axis=1)].ravel() for b in mesh.blocks]
+    touched = [b.connectivity[np.isin(b.connectivity, nodes).any(axis=1)].ravel() for b in mesh.blocks]
     return np.unique(np.concatenate([nodes, *touched]))
 
 
@@ -111,9 +108,13 @@ def _weighted(table: InterfaceNodes, mesh: Mesh, nodes: IntArray) -> Weighted:
         return by_node(nodes)
     # A section inside the body is an area too; a set that holds whole elements is a piece of it.
     for outer in (True, False) if not elements_within(mesh, nodes).size else (True,):
-        matrix = area_matrix(mesh.points, select(mesh.faces, nodes, outer=outer), nodes)
-        if matrix is not None:
-            return Weighted(nodes, matrix)
+        faces = select(mesh.faces, nodes, outer=outer)
+        covered = np.unique(np.concatenate([block.ravel() for block in faces]))
+        # An edge of shells across a joint holds the knot's other lines, too: of no face here, and rigid with it.
+        knots = [link.nodes for link in mesh.links if np.isin(link.nodes, covered).any()]
+        kept = covered if np.isin(nodes, np.concatenate([covered, *knots])).all() else nodes
+        if (matrix := area_matrix(mesh.points, faces, kept)) is not None:
+            return Weighted(kept, matrix)
     if table.weights == "area":
         raise BodyFileError(
             f'interface {table.name!r}: weights = "area" needs a set that consists of whole element faces, '
