@@ -1,4 +1,4 @@
-"""How wrong constant mass makes a held body's motion is told: by as much as vibrations run early or late."""
+"""How wrong its mass makes a held body's motion is told: by as much as vibrations run early or late."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Mass, Method
 from flexfmu.program.variable_table import variable_table
-from references import L_FRAME, relative
+from references import L_FRAME, missed_share, relative
 
 MISSED = "diagnostics.inertia_missed"
 STEP = 5e-4
@@ -44,22 +44,18 @@ def swung(folder, model, force, count=60, course=constant, **start):
 
 
 @pytest.mark.slow
-def test_what_is_told_is_the_phase_that_runs_off_and_the_energy_that_is_missed(tmp_path, l_frame):
-    """√κ|φ|/√3 + max|X|/2E, κ = max|v|²/2E, φ = ½ω₁ ∫X dt / mean|v|², X = v·ΔM v."""
-    _, told = swung(tmp_path, l_frame, 800.0)
-    body, changed = FlexibleBody(l_frame), FlexibleBody(l_frame, Method.SECOND_ORDER, Mass.POLYNOMIAL)
-    state, omega, rows = body.rest(), l_frame.angular_frequency, []
+@pytest.mark.parametrize("mass", [Mass.CONSTANT, Mass.POLYNOMIAL])
+def test_what_is_told_is_the_motion_that_follows_from_what_the_mass_omits(tmp_path, l_frame, mass):
+    """x'' + Λx = ½ ∂(v·δM v)/∂q − d(δM v)/dt, linear; its displacement over the body's, rms."""
+    model = replace(l_frame, mass=mass)
+    _, told = swung(tmp_path, model, 800.0)
+    body = FlexibleBody(model)
+    states = [body.rest()]
     for _ in told:
-        state = body.step(state, {"tip": [0.0, 0.0, 800.0]}, STEP)
-        moved = state.v @ state.v
-        rows.append([state.v @ changed.mass(state) @ state.v - moved, moved, moved + np.sum((omega * state.q) ** 2)])
-    missed, moved, twice = np.array(rows).T
-    twice = np.maximum.accumulate(twice)
-    phase = 0.5 * omega[0] * STEP * np.cumsum(missed) / (np.cumsum(moved) / np.arange(1, len(rows) + 1))
-    expected = np.sqrt(np.maximum.accumulate(moved) / twice / 3.0) * np.abs(phase)
-    expected += np.maximum.accumulate(np.abs(missed)) / twice
-    assert expected[-1] > 0.002
-    np.testing.assert_allclose(told, expected, rtol=1e-9)
+        states.append(body.step(states[-1], {"tip": [0.0, 0.0, 800.0]}, STEP))
+    expected = missed_share(model, states, STEP)
+    assert expected > (2e-3 if mass is Mass.CONSTANT else 1e-5)
+    assert told[-1] == pytest.approx(expected, rel=1e-6)
 
 
 # Force (N), its course, and whether constant mass is wrong by more than a per cent.
@@ -84,10 +80,10 @@ def test_it_is_told_where_a_few_swings_are_off_by_a_per_cent_and_not_where_they_
         motions.append(np.array(found))
     error = relative(*motions)
     assert (error > 0.01) == wrong
-    assert told[-1] < 2.0 * error + 0.002
     assert len(driven.log) == wrong
+    # Small errors are told as they are; larger ones up to two and a half times: what varies twice is of second order.
+    assert 0.9 * error - 5e-5 < told[-1] < (2.5 if wrong else 1.1) * error + 5e-5
     if wrong:
-        assert told[-1] > 0.5 * error
         ((status, text),) = driven.log
         assert status == 1
         assert f"constant mass makes the motion wrong by some {100.0 * told[told > 0.01][0]:.3g} %" in text
@@ -122,7 +118,29 @@ def test_a_step_that_is_repeated_is_looked_at_as_if_it_were_the_first(tmp_path, 
     assert driven.get(MISSED) == after
 
 
-def test_bodies_with_the_deformed_body_s_mass_are_not_watched_for_it(l_frame):
-    for mass in (Mass.CONFIGURATION, Mass.POLYNOMIAL):
-        assert MISSED not in {variable.name for variable in variable_table(replace(l_frame, mass=mass))}
-    assert MISSED in {variable.name for variable in variable_table(l_frame)}
+@pytest.mark.slow
+@pytest.mark.parametrize(("force", "wrong"), [(1.7e3, False), (5.1e3, True)])
+def test_of_the_polynomial_it_is_told_where_products_that_it_omits_count(tmp_path, l_frame, force, wrong):
+    """Against lumps. Three times the load bends the frame by some 0.4 rad."""
+    driven, told = swung(tmp_path, replace(l_frame, mass=Mass.POLYNOMIAL), force, 200)
+    motions = []
+    for mass in (Mass.POLYNOMIAL, Mass.CONFIGURATION):
+        body = FlexibleBody(l_frame, mass=mass, limits=StepLimits(0.0, 1e-5))
+        state, found = body.rest(), []
+        for _ in told:
+            state = body.step(state, {"tip": [0.0, 0.0, force]}, STEP)
+            found.append(body.response(state).displacement[0])
+        motions.append(np.array(found))
+    error = relative(*motions)
+    assert (error > 0.01) == wrong
+    said = [text for _, text in driven.log if "the mass polynomial makes the motion wrong" in text]
+    assert len(said) == wrong
+    if wrong:
+        assert 0.4 * error < told[-1] < 2.0 * error
+        assert 'mass = "configuration"' in said[0]
+
+
+def test_bodies_with_the_lumps_mass_are_not_watched_for_it(l_frame):
+    for mass in Mass:
+        names = {variable.name for variable in variable_table(replace(l_frame, mass=mass))}
+        assert (MISSED in names) == (mass is not Mass.CONFIGURATION)

@@ -36,7 +36,7 @@ Answer step_refused(const Instance *x) {
 
 /* What the monitor remembers lies among the numbers of the state. */
 static Memory recalled(const Instance *x) {
-    Memory memory = {.inputs = x->seen, .states = x->states, .largest = x->single[S_LARGEST], .beyond = x->single[S_BEYOND]};
+    Memory memory = {.inputs = x->seen, .drift = x->drift, .states = x->states, .largest = x->single[S_LARGEST], .beyond = x->single[S_BEYOND]};
     memcpy(memory.warned, x->single + S_WARNED, sizeof memory.warned);
     memcpy(&memory.course, x->single + S_COURSE, sizeof memory.course);
     memcpy(&memory.error, x->single + S_SEEN, sizeof memory.error);
@@ -72,7 +72,7 @@ void inspect_rest(Instance *x) {
 /* Look at where a step of the body ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there. */
 Answer inspect(Instance *x, const double *q, const double *v, double step, const double *inputs, char *why) {
     const Bounds bounds = {x->parameter[P_BOUND_ROTATION], x->parameter[P_BOUND_DISPLACEMENT]};
-    const StepEnd end = {q, v, x->motion, inputs, step};
+    const StepEnd end = {q, v, x->motion, inputs, step, x->q, x->v};
     const Monitor monitor = monitor_of(x);
     Findings found;
     Answer answer = ANSWER_OK;
@@ -82,7 +82,8 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
     x->cached = 0;
     if (!rests && !find_motion_at(x, q, v)) return instance_lacks_room(x, why);
     if (!within_bounds(x->body, &bounds, &end, why, TEXT_SIZE)) return step_refused(x);
-    memcpy(x->over.seen, x->seen, (size_t)x->loads * sizeof(double));
+    /* Loads seen, and drift behind them. */
+    memcpy(x->over.seen, x->seen, (size_t)(x->loads + 3 * x->modes) * sizeof(double));
     Memory memory = recalled(x);
     look(&monitor, &end, &memory, &found);
     for (int i = 0; i < found.count; i++) {
@@ -92,7 +93,7 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
         if (answer == ANSWER_OK) answer = ANSWER_REFUSED;
     }
     if (answer != ANSWER_OK) {
-        memcpy(x->seen, x->over.seen, (size_t)x->loads * sizeof(double));
+        memcpy(x->seen, x->over.seen, (size_t)(x->loads + 3 * x->modes) * sizeof(double));
         return answer;
     }
     keep_memory(x, &memory);

@@ -207,11 +207,14 @@ static void turning_round(const Monitor *monitor, const StepEnd *end, Memory *me
 }
 
 static void inertia(Body *body, const Watch *watch, const StepEnd *end, Memory *memory, Findings *found) {
-    body_missed_inertia(body, end->q, end->v, end->step, &memory->course.inertia);
+    body_missed_inertia(body, end, memory->drift, &memory->course.inertia);
     if (!(watch->limit > 0.0) || !(memory->course.inertia.error > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_INERTIA]);
     if (!text) return;
-    snprintf(text, FINDING_TEXT, SAY_INERTIA, 100.0 * memory->course.inertia.error, 100.0 * watch->limit);
+    snprintf(text, FINDING_TEXT, SAY_INERTIA, body->p->inertial ? "the mass polynomial" : "constant mass",
+             100.0 * memory->course.inertia.error, 100.0 * watch->limit,
+             body->p->inertial ? "with mass = \"configuration\" in [formulation]"
+                               : "with mass = \"polynomial\" in [formulation], which bodies in one piece have");
 }
 
 static void truncation(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
@@ -454,7 +457,7 @@ void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *
         spinning(monitor, q, v, memory, found);
         momentum(body, watch + WATCH_MOMENTUM, q, v, memory, found);
     }
-    if (end->step > 0.0 && body->p->mass_forms && !body->p->inertial) inertia(body, watch + WATCH_INERTIA, end, memory, found);
+    if (end->step > 0.0 && !body->p->rigid && (body->p->inertial ? body->p->mass_products : body->p->mass_forms)) inertia(body, watch + WATCH_INERTIA, end, memory, found);
     if (body->p->rigid == 6 && !body->p->followers) turning_round(monitor, end, memory, found);
     loads_due(monitor, inputs, memory, due);
     /* A step that may be refused, and the start, are looked at in full. */

@@ -63,6 +63,7 @@ typedef struct {
 /* What the monitor remembers: all of it is state. */
 typedef struct {
     double *inputs;          /* (L): loads for which stability was last looked at */
+    double *drift;           /* (3, m): of what the mass leaves out */
     double *states;          /* (STATES, m + L): q and loads that are looked at, and of those that wait */
     Looking looking;
     double largest;          /* square of the largest loads so far */

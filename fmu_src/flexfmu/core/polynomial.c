@@ -5,7 +5,7 @@
 #include "algebra.h"
 
 void take_polynomial(const Body *body, Arena *arena, Polynomial *room) {
-    const int64_t pairs = body->p->mass_pairs, columns = body->p->modes + pairs;
+    const int64_t pairs = body->p->mass_pairs, columns = body->p->modes + pairs + body->p->mass_products;
     room->x = take(arena, columns);
     room->slope = take(arena, columns);
     room->value = take(arena, body->p->mass_forms);
@@ -79,7 +79,7 @@ void polynomial_momentum(const Body *body, const double *q, const double *v, Pol
     add_times(room->pairs, v, body->p->inertial_modes, out);
 }
 
-/* out (m) = derivative by q of what x changes by `slope`, which is spent. */
+/* out (m) = derivative by q of what q and its pairs change by `slope`, which is spent. */
 static void by_coordinates(const Body *body, const double *q, Polynomial *room, double *out) {
     double *pair = room->slope + body->p->modes;
     memcpy(out, room->slope, (size_t)body->p->modes * sizeof(double));
@@ -88,16 +88,64 @@ static void by_coordinates(const Body *body, const double *q, Polynomial *room, 
     add_times(pair, q, body->p->inertial_modes, out);
 }
 
-void polynomial_gradient(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
+/* What a table's columns do to v M v / 2 at a fixed v. */
+static void kinetic_slope(const Body *body, const double *v, const double *table, int64_t columns, Polynomial *room, double *slope) {
     const Program *p = body->p;
-    const int64_t r = p->inertial_modes, pairs = p->mass_pairs;
+    const int64_t r = p->inertial_modes;
     double *rate = room->rates;
     for (int64_t a = 0; a < r; a++)
         for (int64_t b = a; b < r; b++) *rate++ = 0.5 * v[a] * v[b];
-    rows_times(p->mass_form, room->rates, room->value, p->mass_forms, pairs);
-    memset(room->slope, 0, (size_t)(p->modes + pairs) * sizeof(double));
-    add_rows(room->value, p->mass_value, room->slope, p->mass_forms, p->modes + pairs);
+    rows_times(p->mass_form, room->rates, room->value, p->mass_forms, p->mass_pairs);
+    memset(slope, 0, (size_t)columns * sizeof(double));
+    add_rows(room->value, table, slope, p->mass_forms, columns);
+}
+
+void polynomial_gradient(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
+    kinetic_slope(body, v, body->p->mass_value, body->p->modes + body->p->mass_pairs, room, room->slope);
     by_coordinates(body, q, room, out);
+}
+
+/* Products of q beyond pairs of its first coordinates, each of a coordinate and what stands before it, behind these. */
+static void products(const Program *p, const double *q, double *x) {
+    double *next = x + p->modes + p->mass_pairs;
+    powers(p, q, x);
+    for (int64_t k = 0; k < p->mass_products; k++) *next++ = q[p->mass_factor[2 * k]] * x[p->mass_factor[2 * k + 1]];
+}
+
+void omitted_momentum(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
+    const Program *p = body->p;
+    if (!p->inertial) {
+        polynomial_momentum(body, q, v, room, out);
+        return;
+    }
+    products(p, q, room->x);
+    rows_times(p->mass_further, room->x + p->modes + p->mass_pairs, room->value, p->mass_forms, p->mass_products);
+    memset(room->pairs, 0, (size_t)p->mass_pairs * sizeof(double));
+    add_rows(room->value, p->mass_form, room->pairs, p->mass_forms, p->mass_pairs);
+    memset(out, 0, (size_t)p->modes * sizeof(double));
+    add_times(room->pairs, v, p->inertial_modes, out);
+}
+
+void omitted_gradient(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
+    const Program *p = body->p;
+    const int64_t before = p->modes + p->mass_pairs;
+    if (!p->inertial) {
+        polynomial_gradient(body, q, v, room, out);
+        return;
+    }
+    products(p, q, room->x);
+    kinetic_slope(body, v, p->mass_further, p->mass_products, room, room->slope + before);
+    memset(room->slope, 0, (size_t)before * sizeof(double));
+    memset(out, 0, (size_t)p->modes * sizeof(double));
+    for (int64_t k = 0; k < p->mass_products; k++) {
+        const int64_t one = p->mass_factor[2 * k], other = p->mass_factor[2 * k + 1];
+        const double by = room->slope[before + k];
+        out[one] += by * room->x[other];
+        room->slope[other] += by * q[one];
+    }
+    double *kept = room->x;
+    by_coordinates(body, q, room, kept);
+    for (int64_t j = 0; j < p->modes; j++) out[j] += kept[j];
 }
 
 int factor_mass(double *mass, int64_t n) {

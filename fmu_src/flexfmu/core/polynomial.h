@@ -12,7 +12,7 @@
 static const double LEAST_MASS = 0.1;
 
 typedef struct {
-    double *x, *slope; /* (m + p): q and its first ones' pairs; what a change of them does */
+    double *x, *slope; /* (m + p + n): q, its first ones' pairs and further products; what a change of them does */
     double *value;     /* (R): y */
     double *pairs, *rates; /* (p): M - 1 where it was last asked for; products of two rates, or dM/dt */
     double *at;        /* (m): that place */
@@ -29,6 +29,11 @@ void polynomial_momentum(const Body *body, const double *q, const double *v, Pol
 void polynomial_gradient(const Body *body, const double *q, const double *v, Polynomial *room, double *out);
 /* d(M v)/dt - d(v M v / 2)/dq - M dv/dt, (m). */
 void polynomial_convective(const Body *body, const double *q, const double *v, Polynomial *room, double *out);
+
+/* The same momentum and gradient of what the mass of steps leaves out: all beyond constant mass, or the polynomial's further
+ * products; what was known of the place is not after the latter. */
+void omitted_momentum(const Body *body, const double *q, const double *v, Polynomial *room, double *out);
+void omitted_gradient(const Body *body, const double *q, const double *v, Polynomial *room, double *out);
 
 /* Cholesky factor of the whole mass (n, n) in its place; 0 where the polynomial is out of its range. */
 int factor_mass(double *mass, int64_t n);

@@ -134,6 +134,9 @@ static const char *inconsistent(const Program *p) {
         (p->inertial ? !p->inertial_modes || !s || p->tied : p->lumps) || (p->inertial && p->mass_forms && p->rigid && !p->turns) ||
         p->centres != (p->inertial && p->mass_forms && p->turn_slides ? 3 : 0))
         return "the deformed body's mass is neither that of lumps nor a polynomial";
+    if (p->mass_products && (!p->mass_forms || p->rigid)) return "products are of no polynomial";
+    for (int64_t i = 0; i < 2 * p->mass_products; i++)
+        if (!within(p->mass_factor + i, 1, 0, i % 2 ? m + p->mass_pairs - 1 : m - 1)) return "a product is of no coordinates";
     if (!positive(p->lump_mass, p->lumps, 1)) return "a lump's mass is negative";
     if (p->body_size[0] < 0.0) return "the body's size is negative";
     if (!(p->suggested_step[0] > 0.0)) return "the suggested step is not positive";

@@ -5,6 +5,7 @@
 
 #include "algebra.h"
 #include "polynomial.h"
+#include "propagation.h"
 
 /* e: elastic coordinates; columns: the loads, then unit loads on the interfaces. */
 typedef struct {
@@ -229,52 +230,6 @@ double body_spin(Body *body, const double *q, const double *v) {
     return norm(spin, 3) / body->p->omega[body->p->rigid];
 }
 
-/* Place and momentum of the mass beyond one. */
-typedef struct {
-    Polynomial polynomial;
-    double *momentum;
-} MissedRoom;
-
-static void take_missed(const Body *body, Arena *arena, MissedRoom *room) {
-    take_polynomial(body, arena, &room->polynomial);
-    room->momentum = take(arena, body->p->modes);
-}
-
-void inertia_demand(const Body *body, Arena *arena) {
-    MissedRoom room;
-    take_missed(body, arena, &room);
-}
-
-void body_missed_inertia(Body *body, const double *q, const double *v, double step, MissedInertia *so_far) {
-    const Program *p = body->p;
-    Arena arena = work_arena(body);
-    MissedRoom room;
-    if (!p->mass_forms || p->inertial) return;
-    take_missed(body, &arena, &room);
-    if (arena.refused) return;
-    const double moved = dot(v, v, p->modes);
-    double energy = moved, missed = 0.0;
-    if (!all_zero(v, p->inertial_modes)) {
-        polynomial_momentum(body, q, v, &room.polynomial, room.momentum);
-        missed = dot(v, room.momentum, p->inertial_modes);
-    }
-    for (int64_t j = 0; j < p->modes; j++) {
-        energy += body->opened->stiffness[j] * q[j] * q[j];
-        /* Turned frames stretch the joints' linear springs without any cause. */
-        if (p->tied) energy -= q[j] * dot(p->tie_initial + j * p->modes, q, p->modes);
-    }
-    so_far->time += step;
-    so_far->missed += step * missed;
-    so_far->moved += step * moved;
-    so_far->most_missed = fmax(so_far->most_missed, fabs(missed));
-    so_far->most_moved = fmax(so_far->most_moved, moved);
-    so_far->energy = fmax(so_far->energy, energy);
-    if (!(so_far->moved > 0.0 && so_far->energy > 0.0)) return;
-    /* The phase of the slowest mode runs off; what is off at once is a part of the energy. */
-    const double phase = 0.5 * p->omega[0] * so_far->time * fabs(so_far->missed) / so_far->moved;
-    so_far->error = sqrt(so_far->most_moved / so_far->energy / 3.0) * phase + so_far->most_missed / so_far->energy;
-}
-
 /* Largest linear displacement of an interface by elastic coordinates (m), squared. */
 static double linear_reach(const Program *p, const double *q) {
     const int64_t r = p->rigid;
@@ -292,6 +247,56 @@ static double linear_reach(const Program *p, const double *q) {
 
 /* Deflection over the size of the body below which no motion matters. */
 static const double UNSEEN = 1e-3;
+
+/* Of the polynomial's error over what the next order makes it: orders after that add as much again as half. */
+static const double BEYOND = 1.5;
+
+/* Momentum that the mass of steps leaves out, and how it pushes; where the step is half over. */
+typedef struct {
+    Polynomial polynomial;
+    double *momentum, *push, *q, *v;
+} MissedRoom;
+
+static void take_missed(const Body *body, Arena *arena, MissedRoom *room) {
+    double **each[] = {&room->momentum, &room->push, &room->q, &room->v};
+    take_polynomial(body, arena, &room->polynomial);
+    for (int i = 0; i < 4; i++) *each[i] = take(arena, body->p->modes);
+}
+
+void inertia_demand(const Body *body, Arena *arena) {
+    MissedRoom room;
+    take_missed(body, arena, &room);
+}
+
+void body_missed_inertia(Body *body, const StepEnd *end, double *drift, MissedInertia *so_far) {
+    const Program *p = body->p;
+    const int64_t m = p->modes;
+    double *off = drift, *rate = drift + m, *before = drift + 2 * m;
+    Arena arena = work_arena(body);
+    MissedRoom room;
+    take_missed(body, &arena, &room);
+    if (arena.refused) return;
+    const Rule *rule = rule_of(body, end->step);
+    for (int64_t j = 0; j < m; j++) {
+        room.q[j] = 0.5 * (end->q0[j] + end->q[j]);
+        room.v[j] = 0.5 * (end->v0[j] + end->v[j]);
+    }
+    omitted_gradient(body, room.q, room.v, &room.polynomial, room.push);
+    room.polynomial.known = 0;
+    omitted_momentum(body, end->q, end->v, &room.polynomial, room.momentum);
+    for (int64_t j = 0; j < m; j++) {
+        const double mean = room.push[j] - (room.momentum[j] - before[j]) / end->step, was = off[j];
+        off[j] = rule->p11[j] * was + rule->p12[j] * rate[j] + rule->gq[j] * mean;
+        rate[j] = rule->p21[j] * was + rule->p22[j] * rate[j] + rule->gv[j] * mean;
+        before[j] = room.momentum[j];
+    }
+    const double least = UNSEEN * p->body_size[0];
+    so_far->time += end->step;
+    so_far->off += end->step * linear_reach(p, off);
+    so_far->moved += end->step * linear_reach(p, end->q);
+    if (isfinite(so_far->off) && so_far->off > 0.0)
+        so_far->error = (p->inertial ? BEYOND : 1.0) * sqrt(so_far->off / fmax(so_far->moved, least * least * so_far->time));
+}
 
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far) {
     const Program *p = body->p;

@@ -4,10 +4,11 @@
 
 #include "data.h"
 
-/* Where a step, s, ends; of 0 s where none was taken yet: in times of the body, and loads as they act on it. */
+/* Where a step, s, ends; of 0 s where none was taken yet: in times of the body, and loads as they act on it. Where it began. */
 typedef struct {
     const double *q, *v, *motion, *inputs; /* (m), (m), (6I) and (L) */
     double step;
+    const double *q0, *v0; /* (m) */
 } StepEnd;
 
 void judgement_demand(const Body *body, Arena *arena);
@@ -30,10 +31,10 @@ typedef struct {
     double impulse[3], angle[3], rate[3], largest, drift;
 } Momentum;
 void body_momentum(Body *body, const double *q, const double *v, Momentum *so_far);
-/* What constant mass leaves out of a motion so far: seconds that were looked at, integrals of v (M - 1) v and of v², the largest
- * of both and of twice the energy, and the error of the motion that follows. */
+/* What the mass of steps leaves out of a motion so far: seconds, integrals of the squares of how far interfaces are off and have
+ * moved, m2 s, and the error of the motion that follows, rms. */
 typedef struct {
-    double time, missed, moved, most_missed, most_moved, energy, error;
+    double time, off, moved, error;
 } MissedInertia;
 /* How far modes that are no vibrations of the finite element model have moved interfaces out of phase: seconds so far, the largest
  * square of that, m2, and of linear displacements of interfaces; the error of the motion that follows. `ahead` is workspace
@@ -42,6 +43,7 @@ typedef struct {
     double time, mixed, moved, error;
 } Truncation;
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far);
-void body_missed_inertia(Body *body, const double *q, const double *v, double step, MissedInertia *so_far);
+/* `drift` (3, m): how far coordinates and rates are off, and the momentum that is left out, where the step began and ends. */
+void body_missed_inertia(Body *body, const StepEnd *end, double *drift, MissedInertia *so_far);
 
 #endif

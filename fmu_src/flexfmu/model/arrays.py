@@ -129,6 +129,16 @@ POLYNOMIAL = (
         "centre", "polynomial/centre", "3 m", "kg^-0.5", "displacement of a free body's centre of mass", optional=True
     ),
     Entry("centre_square", "polynomial/centre_square", "3 m m", "kg^-1 m^-1", "its second order", optional=True),
+    Entry(
+        "product",
+        "polynomial/product",
+        "n 3",
+        "1",
+        "coordinates whose products are left out, the first -1 for none",
+        int,
+        optional=True,
+    ),
+    Entry("further", "polynomial/further", "R n", "1", "what these would add to l_k q + q V_k q", optional=True),
 )
 TIES = (
     Entry("frame", "ties/frame", "T 2", "1", "frames that carry the ends, -1 for the ground", int),

@@ -4,10 +4,13 @@ M(q) − 1 to second order in q follows from the mass of the lumps on a fine tre
 
     M(q) = 1 + Σ_k (l_k·q + qᵀV_k q) U_k,                                                                      (13a)
 
-a table of pairs of rates by coordinates and pairs of them, of low rank: the few combinations that matter are kept.
+a table of pairs of rates by coordinates and pairs of them, of low rank: the few combinations that matter are kept. What
+further products would add tells how far the motion is off.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from itertools import combinations_with_replacement, product
+from math import factorial, prod
 
 import numpy as np
 
@@ -19,16 +22,19 @@ from ..model.reduced_body import ReducedBody
 from .compile import compile_program
 from .mechanics import Turning, inertial_modes, turning_of
 
-# Largest turn of a frame in the differences, rad, or displacement over the body's size: their error is its square, and
-# round-off over it.
-_TURN = 1e-3
-# Turn at which first and second order are weighed against each other, rad, and share of the largest combination below
-# which one is left out.
-_WEIGHED, _SMALL = 0.3, 3e-3
+# Turns of frames in the differences of first, second and third order, rad, or displacement over the body's size: their
+# error is its square, and round-off over its power.
+_TURN = (1e-3, 1e-3, 2e-2)
+# Turn at which orders are weighed against each other, rad, and share of the largest combination below which one is left
+# out, and of the whole below which a product beyond pairs of slow coordinates is.
+_WEIGHED, _SMALL, _SMALL_PRODUCT = 0.3, 3e-3, 1e-3
+# Coordinates that products of three are made of, and the last stiff one that goes with a slow one.
+_CUBED, _CROSSED = 8, 30
+_Product = tuple[int, ...]
 
 
 def mass_polynomial(parts: Sequence[tuple[ReducedBody, FloatArray]]) -> MassPolynomial | None:
-    """The polynomial of a body, or of one that is joined of held parts.
+    """The polynomial of a body, or to second order of one that is joined of held parts.
 
     Parameters
     ----------
@@ -43,13 +49,10 @@ def mass_polynomial(parts: Sequence[tuple[ReducedBody, FloatArray]]) -> MassPoly
     found = [(own, turn) for part, turn in parts if (own := _of_part(part)) is not None]
     if not found:
         return None
+    if len(parts) == 1 and np.array_equal(found[0][1], np.eye(parts[0][0].mode_count)):
+        return found[0][0]
     every = [(turn.T @ own.form @ turn, own.linear @ turn, turn.T @ own.square @ turn) for own, turn in found]
-    terms = [np.concatenate(arrays) for arrays in zip(*every, strict=True)]
-    # Of a body that slides there is one part.
-    own, turn = found[0]
-    if own.centre is not None and own.centre_square is not None:
-        terms += [own.centre @ turn, turn.T @ own.centre_square @ turn]
-    return MassPolynomial(*terms)
+    return MassPolynomial(*(np.concatenate(arrays) for arrays in zip(*every, strict=True)))
 
 
 def _of_part(body: ReducedBody) -> MassPolynomial | None:
@@ -57,48 +60,54 @@ def _of_part(body: ReducedBody) -> MassPolynomial | None:
 
     Stiff coordinates enter to first order, so that they are stretched by what turns and swings.
     """
-    rigid, count, modes = body.rigid_count, inertial_modes(body), body.mode_count
+    rigid, count = body.rigid_count, inertial_modes(body)
     turning = turning_of(body)
     if rigid and turning is None:
         return None
     whole, turn = np.split(_largest_turn(body), [rigid])
     omega = body.angular_frequency[rigid:]
+    known, further = _products(count - rigid, omega.size, bool(rigid))
     # What hardly moves the lumps is taken as far as the softest motion's energy takes it.
-    (linear, quadratic), centre = _differences(body, _TURN / np.maximum(turn, turn[0] * omega / omega[0]), turning)
+    found = _derivatives(body, 1.0 / np.maximum(turn, turn[0] * omega / omega[0]), turning, known + further)
+    mass, centre = found[:, : count * count].reshape(-1, count, count), found[: len(known), count * count :].T
     first, second = np.triu_indices(count)
-    one, other = np.triu_indices(count - rigid)
     # Coordinates and rates of equal energy, the former at a reference turn, and a spin of the first frequency; a pair
     # stands for both halves.
     coordinate = _WEIGHED * omega[0] / turn[0] / omega
     rate = np.concatenate([turn[0] / _WEIGHED / whole, omega[0] / omega])
-    both, places = np.where(first == second, 1.0, np.sqrt(2.0)), np.where(one == other, 1.0, np.sqrt(2.0))
-    rates, places = both * rate[first] * rate[second], places * coordinate[one] * coordinate[other]
-    table = np.hstack([linear[:, first, second].T * coordinate, quadratic[one, other][:, first, second].T * places])
-    forms, strength, values = np.linalg.svd(table * rates[:, None], full_matrices=False)
-    kept = strength > _SMALL * strength[0]
+    rates = np.where(first == second, 1.0, np.sqrt(2.0)) * rate[first] * rate[second]
+    alike = np.array([_alike(one) for one in known + further])
+    sizes = np.sqrt(alike) * [prod(coordinate[list(one)]) for one in known + further]
+    table, second_order = mass[:, first, second].T * sizes * rates[:, None], len(known)
+    kept = np.linalg.norm(table, axis=0) > _SMALL_PRODUCT * np.linalg.norm(table[:, :second_order], 2)
+    kept[:second_order] = True
+    forms, strength, values = np.linalg.svd(table[:, kept], full_matrices=False)
     if not strength[0] > 0.0:
         return None
-
-    def ahead(values: FloatArray) -> FloatArray:
-        result = np.zeros((len(values), modes))
-        result[:, rigid:] = values
-        return result
-
-    def matrices(pairs: FloatArray, start: int, a: IntArray, b: IntArray) -> FloatArray:
-        result = np.zeros((len(pairs), modes, modes))
-        result[:, start + a, start + b] = result[:, start + b, start + a] = pairs
-        return result
-
-    values = strength[kept, None] * values[kept]
+    large = strength > _SMALL * strength[0]
+    values = strength[large, None] * values[large] / sizes[kept]
+    linear, square, more = np.split(values, [omega.size, second_order], axis=1)
+    one, other = rigid + np.array(known[omega.size :]).T
     terms = (
-        matrices(forms.T[kept] / rates, 0, first, second),
-        ahead(values[:, : turn.size] / coordinate),
-        matrices(values[:, turn.size :] / places, rigid, one, other),
+        _symmetric(forms.T[large] / rates, body.mode_count, first, second),
+        np.pad(linear, ((0, 0), (rigid, 0))),
+        _symmetric(square, body.mode_count, one, other),
     )
-    if centre is None:
-        return MassPolynomial(*terms)
-    moved, squared = centre
-    return MassPolynomial(*terms, ahead(moved.T), matrices(squared[one, other].T, rigid, one, other))
+    if centre.size:
+        moved, squared = np.split(centre, [omega.size], axis=1)
+        seen_from_root = np.pad(moved, ((0, 0), (rigid, 0))), _symmetric(squared, body.mode_count, one, other)
+        return MassPolynomial(*terms, *seen_from_root)
+    # The first of a product of two is none.
+    chosen = [(-1, *each)[-3:] for each, seen in zip(further, kept[second_order:], strict=True) if seen]
+    product_of = np.array(chosen, dtype=np.int64).reshape(-1, 3)
+    return MassPolynomial(*terms, product=product_of, further=more * alike[kept][second_order:])
+
+
+def _symmetric(values: FloatArray, modes: int, a: IntArray, b: IntArray) -> FloatArray:
+    """Symmetric matrices (n, m, m) with values (n, k) in rows a and columns b, (k,)."""
+    result = np.zeros((len(values), modes, modes))
+    result[:, a, b] = result[:, b, a] = values
+    return result
 
 
 def _largest_turn(body: ReducedBody) -> FloatArray:
@@ -109,23 +118,42 @@ def _largest_turn(body: ReducedBody) -> FloatArray:
     return turn
 
 
-_Derivatives = tuple[FloatArray, FloatArray]
+def _products(slow: int, count: int, rigid: bool) -> tuple[list[_Product], list[_Product]]:
+    """Coordinates and pairs of slow ones; products beyond of held bodies: a slow and a stiff one, three slow ones."""
+    pairs, stiff = combinations_with_replacement(range(slow), 2), range(slow, min(count, _CROSSED))
+    three = combinations_with_replacement(range(min(slow, _CUBED)), 3)
+    return [*((j,) for j in range(count)), *pairs], [] if rigid else [*product(range(slow), stiff), *three]
 
 
-def _differences(
-    body: ReducedBody, size: FloatArray, turning: Turning | None
-) -> tuple[_Derivatives, _Derivatives | None]:
-    """First derivatives (e, ...) of the mass (r, r) of the lumps, and half the second ones by slow coordinates.
+def _alike(one: _Product) -> int:
+    """How many orders its factors may stand in."""
+    return factorial(len(one)) // prod(factorial(one.count(j)) for j in set(one))
 
-    Of a body that slides, of the mass about its centre, and those of that centre (3,) seen from the root.
+
+def _derivatives(
+    body: ReducedBody, size: FloatArray, turning: Turning | None, products: Sequence[_Product]
+) -> FloatArray:
+    """Of the mass (r, r) of the lumps, row by row, by each product of coordinates, over the factorial of its order.
+
+    Of a body that slides, of the mass about its centre, and three numbers more: of that centre, seen from the root.
     """
+    found, result = _lumps_mass(body, turning), []
+    for one in products:
+        ways = np.zeros((len(one), size.size))
+        ways[np.arange(len(one)), one] = _TURN[len(one) - 1] * size[list(one)]
+        # What is linear in each of the ways is left of this sum.
+        signs = list(product((1.0, -1.0), repeat=len(one)))
+        whole = sum(prod(each) * found(np.array(each) @ ways) for each in signs)
+        result.append(whole / (len(signs) * factorial(len(one)) * prod(ways.sum(axis=1))))
+    return np.array(result)
+
+
+def _lumps_mass(body: ReducedBody, turning: Turning | None) -> Callable[[FloatArray], FloatArray]:
+    """From elastic coordinates to the mass of the lumps, row by row, and the centre where it slides."""
     rigid, core = body.rigid_count, Core(compile_program(body, Method.SECOND_ORDER, Mass.CONFIGURATION))
-    count = inertial_modes(body)
-    slow = count - rigid
-    slides = turning is not None and turning.slides
+    count, slides = inertial_modes(body), turning is not None and turning.slides
 
     def found(way: FloatArray) -> FloatArray:
-        """The mass, row by row, and three numbers of the centre where it slides."""
         place = np.zeros(body.mode_count)
         place[rigid:] = way
         mass: FloatArray = core.mass(place)[:count, :count]
@@ -138,18 +166,4 @@ def _differences(
         mass = mass - push[:, :3] @ push[:, :3].T / total
         return np.concatenate([mass.ravel(), [moment[1, 2], moment[2, 0], moment[0, 1]]])
 
-    def even(way: FloatArray) -> FloatArray:
-        return 0.5 * (found(way) + found(-way)) - still
-
-    still, ways = found(np.zeros(size.size)), np.diag(size)
-    linear = np.array([(found(way) - found(-way)) / (2.0 * step) for way, step in zip(ways, size, strict=True)])
-    alone = np.array([even(way) for way in ways[:slow]])
-    quadratic = np.empty((slow, slow, still.size))
-    for a in range(slow):
-        quadratic[a, a] = alone[a] / size[a] ** 2
-        for b in range(a):
-            mixed = 0.5 * (even(ways[a] + ways[b]) - alone[a] - alone[b])
-            quadratic[a, b] = quadratic[b, a] = mixed / (size[a] * size[b])
-    last = count * count
-    mass = linear[:, :last].reshape(-1, count, count), quadratic[..., :last].reshape(slow, slow, count, count)
-    return mass, (linear[:, last:], quadratic[..., last:]) if slides else None
+    return found
