@@ -46,7 +46,9 @@ def drift(model, states, step):
     form = mass.form * slow * slow[:, None]
     q, v = (np.array(each) for each in zip(*((state.q, state.v) for state in states), strict=True))
     if model.mass is Mass.POLYNOMIAL:
-        powers = lambda x: np.stack([np.prod(x[:, each[each >= 0]], axis=1) for each in mass.product], axis=1)  # noqa: E731
+        first, second = np.triu_indices(slow.sum())
+        pairs = lambda x: np.hstack([x, x[:, first] * x[:, second]])  # noqa: E731
+        powers = lambda x: x[:, mass.factor[:, 0]] * pairs(x)[:, mass.factor[:, 1]]  # noqa: E731
         factor = lambda x: powers(x) @ mass.further.T  # noqa: E731
     else:
         factor = lambda x: x @ mass.linear.T + np.einsum("kab,ta,tb->tk", mass.square * slow * slow[:, None], x, x)  # noqa: E731

@@ -130,13 +130,7 @@ POLYNOMIAL = (
     ),
     Entry("centre_square", "polynomial/centre_square", "3 m m", "kg^-1 m^-1", "its second order", optional=True),
     Entry(
-        "product",
-        "polynomial/product",
-        "n 3",
-        "1",
-        "coordinates whose products are left out, the first -1 for none",
-        int,
-        optional=True,
+        "factor", "polynomial/factor", "n 2", "1", "of products left out: a coordinate, another or a pair", int, True
     ),
     Entry("further", "polynomial/further", "R n", "1", "what these would add to l_k q + q V_k q", optional=True),
 )

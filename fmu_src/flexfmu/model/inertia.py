@@ -81,8 +81,8 @@ class MassPolynomial:
     centre, centre_square : (3, m) and (3, m, m) float, or None
         Of a body that slides freely, whose M is that about the centre of mass: displacement c·q + qᵀC q of that
         centre in the root frame's axes.
-    product : (n, 3) int, or None
-        Coordinates, in order, whose products the mass leaves out; of products of two the first is -1.
+    factor : (n, 2) int, or None
+        Of products that are left out a coordinate, and which coordinate, or pair of slow ones behind these.
     further : (R, n) float, or None
         What these would add to l_k·q + qᵀV_k q.
     """
@@ -92,7 +92,7 @@ class MassPolynomial:
     square: FloatArray
     centre: FloatArray | None = None
     centre_square: FloatArray | None = None
-    product: IntArray | None = None
+    factor: IntArray | None = None
     further: FloatArray | None = None
 
     def __post_init__(self) -> None:

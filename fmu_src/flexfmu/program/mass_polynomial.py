@@ -9,7 +9,7 @@ further products would add tells how far the motion is off.
 """
 
 from collections.abc import Callable, Sequence
-from itertools import combinations_with_replacement, product
+from itertools import combinations_with_replacement as choices, permutations, product
 from math import factorial, prod
 
 import numpy as np
@@ -30,7 +30,6 @@ _TURN = (1e-3, 1e-3, 2e-2)
 _WEIGHED, _SMALL, _SMALL_PRODUCT = 0.3, 3e-3, 1e-3
 # Coordinates that products of three are made of, and the last stiff one that goes with a slow one.
 _CUBED, _CROSSED = 8, 30
-_Product = tuple[int, ...]
 
 
 def mass_polynomial(parts: Sequence[tuple[ReducedBody, FloatArray]]) -> MassPolynomial | None:
@@ -60,12 +59,10 @@ def _of_part(body: ReducedBody) -> MassPolynomial | None:
 
     Stiff coordinates enter to first order, so that they are stretched by what turns and swings.
     """
-    rigid, count = body.rigid_count, inertial_modes(body)
-    turning = turning_of(body)
+    rigid, count, turning = body.rigid_count, inertial_modes(body), turning_of(body)
     if rigid and turning is None:
         return None
-    whole, turn = np.split(_largest_turn(body), [rigid])
-    omega = body.angular_frequency[rigid:]
+    omega, (whole, turn) = body.angular_frequency[rigid:], np.split(_largest_turn(body), [rigid])
     known, further = _products(count - rigid, omega.size, bool(rigid))
     # What hardly moves the lumps is taken as far as the softest motion's energy takes it.
     found = _derivatives(body, 1.0 / np.maximum(turn, turn[0] * omega / omega[0]), turning, known + further)
@@ -76,37 +73,30 @@ def _of_part(body: ReducedBody) -> MassPolynomial | None:
     coordinate = _WEIGHED * omega[0] / turn[0] / omega
     rate = np.concatenate([turn[0] / _WEIGHED / whole, omega[0] / omega])
     rates = np.where(first == second, 1.0, np.sqrt(2.0)) * rate[first] * rate[second]
-    alike = np.array([_alike(one) for one in known + further])
+    alike = np.array([len({*permutations(one)}) for one in known + further])
     sizes = np.sqrt(alike) * [prod(coordinate[list(one)]) for one in known + further]
-    table, second_order = mass[:, first, second].T * sizes * rates[:, None], len(known)
-    kept = np.linalg.norm(table, axis=0) > _SMALL_PRODUCT * np.linalg.norm(table[:, :second_order], 2)
-    kept[:second_order] = True
+    table, plain = mass[:, first, second].T * sizes * rates[:, None], len(known)
+    kept = np.linalg.norm(table, axis=0) > _SMALL_PRODUCT * np.linalg.norm(table[:, :plain], 2)
+    kept |= np.arange(kept.size) < plain
     forms, strength, values = np.linalg.svd(table[:, kept], full_matrices=False)
     if not strength[0] > 0.0:
         return None
     large = strength > _SMALL * strength[0]
-    values = strength[large, None] * values[large] / sizes[kept]
-    linear, square, more = np.split(values, [omega.size, second_order], axis=1)
-    one, other = rigid + np.array(known[omega.size :]).T
-    terms = (
-        _symmetric(forms.T[large] / rates, body.mode_count, first, second),
-        np.pad(linear, ((0, 0), (rigid, 0))),
-        _symmetric(square, body.mode_count, one, other),
-    )
+    linear, square, more = np.split(strength[large, None] * values[large] / sizes[kept], [omega.size, plain], axis=1)
+    m, both, lead = body.mode_count, [*(rigid + np.array(known[omega.size :]).T)], ((0, 0), (rigid, 0))
+    terms = _symmetric(forms.T[large] / rates, m, (first, second)), np.pad(linear, lead), _symmetric(square, m, both)
     if centre.size:
         moved, squared = np.split(centre, [omega.size], axis=1)
-        seen_from_root = np.pad(moved, ((0, 0), (rigid, 0))), _symmetric(squared, body.mode_count, one, other)
-        return MassPolynomial(*terms, *seen_from_root)
-    # The first of a product of two is none.
-    chosen = [(-1, *each)[-3:] for each, seen in zip(further, kept[second_order:], strict=True) if seen]
-    product_of = np.array(chosen, dtype=np.int64).reshape(-1, 3)
-    return MassPolynomial(*terms, product=product_of, further=more * alike[kept][second_order:])
+        return MassPolynomial(*terms, np.pad(moved, lead), _symmetric(squared, m, both))
+    seen = [further[k] for k in np.flatnonzero(kept[plain:])]
+    factor = np.array([(one[0], known.index(one[1:])) for one in seen], dtype=np.int64).reshape(-1, 2)
+    return MassPolynomial(*terms, factor=factor, further=more * alike[kept][plain:])
 
 
-def _symmetric(values: FloatArray, modes: int, a: IntArray, b: IntArray) -> FloatArray:
-    """Symmetric matrices (n, m, m) with values (n, k) in rows a and columns b, (k,)."""
+def _symmetric(values: FloatArray, modes: int, places: Sequence[IntArray]) -> FloatArray:
+    """Symmetric matrices (n, m, m) with values (n, k) in rows and columns (2, k)."""
     result = np.zeros((len(values), modes, modes))
-    result[:, a, b] = result[:, b, a] = values
+    result[:, places[0], places[1]] = result[:, places[1], places[0]] = values
     return result
 
 
@@ -118,29 +108,21 @@ def _largest_turn(body: ReducedBody) -> FloatArray:
     return turn
 
 
-def _products(slow: int, count: int, rigid: bool) -> tuple[list[_Product], list[_Product]]:
+def _products(slow: int, count: int, rigid: bool) -> tuple[list[tuple[int, ...]], list[tuple[int, ...]]]:
     """Coordinates and pairs of slow ones; products beyond of held bodies: a slow and a stiff one, three slow ones."""
-    pairs, stiff = combinations_with_replacement(range(slow), 2), range(slow, min(count, _CROSSED))
-    three = combinations_with_replacement(range(min(slow, _CUBED)), 3)
-    return [*((j,) for j in range(count)), *pairs], [] if rigid else [*product(range(slow), stiff), *three]
+    known = [*((j,) for j in range(count)), *choices(range(slow), 2)]
+    mixed = product(range(slow), range(slow, min(count, _CROSSED)))
+    return known, [] if rigid else [*mixed, *choices(range(min(slow, _CUBED)), 3)]
 
 
-def _alike(one: _Product) -> int:
-    """How many orders its factors may stand in."""
-    return factorial(len(one)) // prod(factorial(one.count(j)) for j in set(one))
-
-
-def _derivatives(
-    body: ReducedBody, size: FloatArray, turning: Turning | None, products: Sequence[_Product]
-) -> FloatArray:
+def _derivatives(body: ReducedBody, size: FloatArray, turning: Turning | None, of: list[tuple[int, ...]]) -> FloatArray:
     """Of the mass (r, r) of the lumps, row by row, by each product of coordinates, over the factorial of its order.
 
     Of a body that slides, of the mass about its centre, and three numbers more: of that centre, seen from the root.
     """
     found, result = _lumps_mass(body, turning), []
-    for one in products:
-        ways = np.zeros((len(one), size.size))
-        ways[np.arange(len(one)), one] = _TURN[len(one) - 1] * size[list(one)]
+    for one in of:
+        ways = _TURN[len(one) - 1] * np.diag(size)[list(one)]
         # What is linear in each of the ways is left of this sum.
         signs = list(product((1.0, -1.0), repeat=len(one)))
         whole = sum(prod(each) * found(np.array(each) @ ways) for each in signs)
@@ -154,9 +136,7 @@ def _lumps_mass(body: ReducedBody, turning: Turning | None) -> Callable[[FloatAr
     count, slides = inertial_modes(body), turning is not None and turning.slides
 
     def found(way: FloatArray) -> FloatArray:
-        place = np.zeros(body.mode_count)
-        place[rigid:] = way
-        mass: FloatArray = core.mass(place)[:count, :count]
+        mass: FloatArray = core.mass(np.pad(way, (rigid, 0)))[:count, :count]
         if turning is None or not slides:
             return mass.ravel()
         push = mass[:, :rigid] @ turning.coordinates

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..core.image import fields, packed, write_image
 from ..files.array_types import FloatArray, IntArray
 from ..model.errors import OptionError
-from ..model.inertia import LumpedMass, MassPolynomial
+from ..model.inertia import LumpedMass
 from ..model.methods import Kinematics, LoadPlacement, Mass, Recipe, Stiffness
 from ..model.reduced_body import ReducedBody
 from ..model.rotations import skew
@@ -220,28 +220,20 @@ def _put_inertia(
         _put_spin(draft, body)
     elif polynomial is not None and recipe.kinematics in _TREES:
         # With constant mass it is there for the watch.
-        draft.sizes |= {"inertial": int(mass is Mass.POLYNOMIAL), "inertial_modes": kept}
         first, second = np.triu_indices(kept)
+        draft.sizes |= {"inertial": int(mass is Mass.POLYNOMIAL), "inertial_modes": kept, "mass_pairs": first.size}
         # What belongs to a pair off the diagonal stands for both halves of its matrix.
         both = np.where(first == second, 1.0, 2.0)
         form, square = (part[:, first, second] * both for part in (polynomial.form, polynomial.square))
-        draft.sizes |= {"mass_forms": len(form), "mass_pairs": first.size}
+        draft.sizes["mass_forms"] = len(form)
         draft.arrays |= {"mass_form": form, "mass_value": np.hstack([polynomial.linear, square])}
-        if mass is Mass.POLYNOMIAL and polynomial.further is not None and not body.rigid_count:
-            draft.sizes["mass_products"] = polynomial.further.shape[1]
-            draft.arrays |= {"mass_further": polynomial.further, "mass_factor": _factors(polynomial, kept)}
+        if mass is Mass.POLYNOMIAL and polynomial.further is not None and polynomial.factor is not None:
+            draft.sizes["mass_products"] = len(polynomial.factor)
+            draft.arrays |= {"mass_further": polynomial.further, "mass_factor": polynomial.factor}
         if polynomial.centre is not None and polynomial.centre_square is not None:
             draft.sizes["centres"] = 3
             square = polynomial.centre_square[:, first, second] * both
             draft.arrays["mass_centre"] = np.hstack([polynomial.centre, square])
-
-
-def _factors(polynomial: MassPolynomial, kept: int) -> IntArray:
-    """Of each product a coordinate, and which coordinate, or which pair behind all of these, (n, 2)."""
-    assert polynomial.product is not None
-    a, b, c = polynomial.product.T
-    pair = polynomial.linear.shape[1] + b * kept - b * (b - 1) // 2 + c - b
-    return np.stack([np.where(a < 0, b, a), np.where(a < 0, c, pair)], axis=1)
 
 
 def _turning(body: ReducedBody, frames: int) -> tuple[FloatArray, IntArray]:

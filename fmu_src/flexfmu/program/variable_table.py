@@ -97,9 +97,7 @@ CONDITIONS: dict[str, Callable[[ReducedBody], bool]] = {
     "masses": lambda body: body.masses is not None,
     "rates": lambda body: body.velocity_outputs,
     "free": lambda body: body.rigid_count > 0,
-    "turning": lambda body: (
-        body.polynomial is not None and body.mass is not Mass.CONFIGURATION and not body.rigid_count
-    ),
+    "turning": lambda body: bool(body.polynomial) and body.mass is not Mass.CONFIGURATION and not body.rigid_count,
     "fixable": lambda body: body.root_interface != GROUND,
     "certified": lambda body: body.shadow is not None,
     "truncated": lambda body: body.frequency_spread is not None,
