@@ -29,7 +29,7 @@ from flexfmu.master.coupling import Result
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.study.records import verdict
-from flexfmu.study.stability import percent_words
+from flexfmu.study.stability_map import percent_words
 
 from .records import read_records, write_records
 

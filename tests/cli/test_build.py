@@ -23,7 +23,7 @@ from flexfmu.build.reduce import build_fmu, reduce_body
 from flexfmu.commands.cli import app
 from flexfmu.files.errors import BodyFileError, FlexfmuError, MeshError, ModelError
 from flexfmu.files.progress import Reporter
-from flexfmu.fmu.package import read_packaged_body
+from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.errors import OptionError
 from flexfmu.model.modal_file import read_modal_file

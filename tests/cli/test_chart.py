@@ -8,6 +8,7 @@ import subprocess
 import sys
 from contextlib import closing
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -19,8 +20,9 @@ from flexfmu.build.config import read_body_file
 from flexfmu.files.errors import OutputError, SimulationError
 from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Mass, Method, Variant, has_frames
-from flexfmu.study import fmu_cost, pictures as look
-from flexfmu.study.candidates import EXACT, GIVEN, SINGLE, Candidate, Reduction, candidates, reduction_config
+from flexfmu.reduction.options import Basis
+from flexfmu.study import fmu_cost, pictures as look, workshop as workshops
+from flexfmu.study.candidates import EXACT, GIVEN, REDUCED, SINGLE, Candidate, Reduction, candidates, reduction_config
 from flexfmu.study.chart import sweep as sweeping
 from flexfmu.study.chart.draw import chart
 from flexfmu.study.chart.sweep import Grid, members, sweep
@@ -257,15 +259,40 @@ def test_a_file_of_another_kind_is_not_written_over(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("basis", list(BasisChoice))
 def test_models_that_share_a_reduction_are_as_exact_as_those_of_their_own(bent_beam, store, basis):
-    scene = replace(bent_beam, file=bent_beam.file.model_copy(update={"sweep": SweepTable(modes=[4, 9])}))
+    table = SweepTable(modes=[4, 9], basis=list(BasisChoice), frames=[2], methods=[Method.SECOND_ORDER])
+    scene = replace(bent_beam, file=bent_beam.file.model_copy(update={"sweep": table}))
     workshop, second = Workshop(scene, Reporter(), store), Variant(Method.SECOND_ORDER)
     reduction = Reduction(basis, 4, 2)
-    shared, own = workshop.shared(reduction, [second]), workshop.build(reduction, [second])
+    shared, own = workshop.shared(reduction), workshop.build(reduction, [second])
     assert shared.body.mode_count == own.body.mode_count
     found, expected = (workshop.errors(built.body, second).static_displacement for built in (shared, own))
     assert found == pytest.approx(expected, rel=1e-4)
     np.testing.assert_allclose(shared.body.angular_frequency, own.body.angular_frequency, rtol=1e-7)
-    assert shared.body.mode_count < workshop.shared(replace(reduction, modes=9), [second]).body.mode_count
+    assert shared.body.mode_count < workshop.shared(replace(reduction, modes=9)).body.mode_count
+
+
+@pytest.mark.slow
+def test_a_sweep_reduces_the_body_once_for_each_number_of_frames_and_kind_of_static_shapes(
+    bent_beam, tmp_path, store, monkeypatch
+):
+    """Normal modes alone are part of the residual basis, few modes of many; so are models that tell their own error."""
+    table = SweepTable(modes=[4, 9], basis=list(BasisChoice), frames=[1, 2], methods=[Method.LINEAR, Method.FRAMES])
+    scene = replace(bent_beam, file=bent_beam.file.model_copy(update={"sweep": table}))
+    built, plain = [], workshops.build
+
+    def counted(config, *rest):
+        built.append((config.output.error, config.reduction.basis, config.reduction.modes, config.frames))
+        return plain(config, *rest)
+
+    monkeypatch.setattr(workshops, "build", counted)
+    rows = sweep(scene, tmp_path / "r.csv", Reporter(), store, fmu=False)
+    assert len([row for row in rows if row.solver == REDUCED]) == len(candidates(scene)) == 18
+    measured, told = ({one[1:] for one in built if one[0] == error} for error in (False, True))
+    expected = set(product((Basis.NORMAL, Basis.CRAIG_BAMPTON), (9,), (0, 1, 2)))
+    assert measured == expected
+    assert told <= expected
+    assert any(row.static_estimate > 0.0 for row in rows)
+    assert len(built) == len(set(built))
 
 
 @pytest.mark.long

@@ -20,9 +20,11 @@ from flexfmu.files.errors import FlexfmuError
 from flexfmu.files.plain_data import json_text
 from flexfmu.files.quantities import factor, named, number, unit_of
 from flexfmu.files.tables import read_table
-from flexfmu.fmu.package import package_fmu, read_packaged_body
+from flexfmu.fmu.package import package_fmu
+from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.model.methods import Method, Variant, masses_of
 from flexfmu.study.cost import StepCost
+from references import BEAM
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +60,10 @@ def test_shells_complete_the_commands():
 PACKAGE = Path(flexfmu.commands.__file__).parent
 # What takes long to import, and rooms that a running body does without.
 HEAVY = {"felupe", "fmpy", "joblib", "matplotlib", "meshio", "pymetis", "pythonfmu", "scipy"}
+# What makes an FMU.
+MAKING = {"flexfmu.fmu.package", "flexfmu.fmu.description", "flexfmu.program"}
+# What drives one.
+USED = {"fmpy", "flexfmu.fmu.description", "flexfmu.program"}
 ROOMS = {f"flexfmu.{room}" for room in ("build", "fe", "given", "master", "mesh", "reduction", "study")}
 
 
@@ -67,16 +73,20 @@ ROOMS = {f"flexfmu.{room}" for room in ("build", "fe", "given", "master", "mesh"
     [
         (["--help"], {*HEAVY, *ROOMS, "flexfmu.model", "h5py", "numpy"}),
         (["--version"], {*HEAVY, *ROOMS, "flexfmu.model", "h5py", "numpy"}),
-        (["info", "FMU"], {*HEAVY, *ROOMS}),
-        (["info", "FMU", "--json"], {*HEAVY, *ROOMS}),
+        (["info", "FMU"], {*HEAVY, *ROOMS, *MAKING}),
+        (["info", "FMU", "--json"], {*HEAVY, *ROOMS, *MAKING}),
+        (["simulate", "FMU", "-i", "LOADS", "-o", "OUT/motion.csv"], {*HEAVY, *ROOMS, *MAKING, "h5py"} - USED),
+        (["build", "BODY", "-o", "OUT/beam.fmu"], {"felupe", "fmpy", "joblib", "matplotlib", "pythonfmu"}),
     ],
 )
-def test_commands_import_what_they_use_and_nothing_else(fmu, words, unused):
+def test_commands_import_what_they_use_and_nothing_else(fmu, tmp_path, words, unused):
     code = (
         "import sys\nfrom flexfmu.commands.cli import app\n"
         "app(sys.argv[1:], standalone_mode=False)\nprint(*sys.modules, file=sys.stderr)"
     )
-    words = [str(fmu) if word == "FMU" else word for word in words]
+    (tmp_path / "loads.csv").write_text("time,tip.force.x\n0,0\n0.01,1\n", encoding="utf-8")
+    files = {"FMU": fmu, "LOADS": tmp_path / "loads.csv", "BODY": BEAM / "body.toml"}
+    words = [str(files.get(word, word)).replace("OUT", str(tmp_path)) for word in words]
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
     loaded = set(done.stderr.split())
     assert "flexfmu.commands" in loaded

@@ -15,7 +15,8 @@ from flexfmu.files.errors import BodyFileError, OutputError, PackagingError, Sim
 from flexfmu.files.progress import Reporter
 from flexfmu.files.tables import read_table
 from flexfmu.fmu.description import Runtime
-from flexfmu.fmu.package import package_fmu, read_packaged_body
+from flexfmu.fmu.package import package_fmu
+from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.fmu.simulation import simulate, simulate_csv
 from flexfmu.model.methods import Method
 from flexfmu.reduction.options import Basis

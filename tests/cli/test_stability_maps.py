@@ -14,7 +14,8 @@ from flexfmu.files.store import Store
 from flexfmu.study import stability
 from flexfmu.study.records import RUNS, RecordFile, Run, Verdict, verdict
 from flexfmu.study.scene.config import SceneError
-from flexfmu.study.stability import ESTIMATE, draw_map, map_stability, mapped_models, planned
+from flexfmu.study.stability import ESTIMATE, map_stability, mapped_models, planned
+from flexfmu.study.stability_map import draw_map
 from flexfmu.study.workshop import Crew
 from scene_tools import Listening, scene_of
 

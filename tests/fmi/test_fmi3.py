@@ -22,7 +22,8 @@ from lxml import etree
 import fuzzed
 from driven import Driven
 from flexfmu.files.errors import PackagingError, SimulationError
-from flexfmu.fmu.package import package_fmu, read_packaged_body
+from flexfmu.fmu.package import package_fmu
+from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.fmu.runtime import Runtime
 from flexfmu.fmu.simulation import simulate
 from flexfmu.master.layout import read_description

@@ -15,7 +15,8 @@ from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.files.errors import PackagingError
 from flexfmu.fmu import python_slave
 from flexfmu.fmu.description import Runtime
-from flexfmu.fmu.package import core_binaries, package_fmu, read_packaged_body
+from flexfmu.fmu.package import core_binaries, package_fmu
+from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.model.errors import ContentsError
 from flexfmu.model.modal_file import write_modal_file
 from flexfmu.model.rotations import exponential

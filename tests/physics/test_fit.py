@@ -21,7 +21,7 @@ from flexfmu.calls.describing import describe
 from flexfmu.files.errors import OutputError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
-from flexfmu.fmu.package import read_packaged_body
+from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Mass, Method, Variant
 from flexfmu.study.candidates import Reduction, reduction_config

@@ -46,7 +46,8 @@ def test_jobs_are_a_number(jobs, words):
 @pytest.mark.slow
 def test_errors_are_the_same_whoever_measures_them(tmp_path):
     scene = with_results(tmp_path, SMALL_SWEEP)
-    groups = [(members,) for members in grouped(candidates(scene))]
+    most = Workshop(scene, Reporter(), Store()).most
+    groups = [(members,) for members in grouped(candidates(scene), most)]
     found = {}
     for jobs in (1, 2):
         with Crew(jobs) as crew:

@@ -153,9 +153,15 @@ def test_an_entry_that_is_damaged_or_of_something_else_is_made_anew_with_a_warni
     assert build(store)[1] == ["normal modes"]
 
 
+def forget():
+    """Read files and versions anew."""
+    for known in (digests._read, digests._installed, digests._versions):
+        known.cache_clear()
+
+
 def read_anew(module):
     """The digest of a module's code as its files are now."""
-    digests._read.cache_clear()
+    forget()
     return code_digest.__wrapped__(f"flexfmu.{module}")
 
 
@@ -163,7 +169,7 @@ def read_anew(module):
 def _forgotten():
     """What was read of files that a test changes is not known to the next one."""
     yield
-    digests._read.cache_clear()
+    forget()
 
 
 @pytest.mark.slow

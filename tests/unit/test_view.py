@@ -179,7 +179,7 @@ def test_before_it_is_built_a_body_is_seen_with_its_frames_as_they_will_be(folde
 def test_a_body_built_without_its_surface_says_how_to_build_it(folder, tmp_path):
     from dataclasses import replace
 
-    from flexfmu.fmu.package import read_packaged_body
+    from flexfmu.fmu.reading import read_packaged_body
 
     write_modal_file(replace(read_packaged_body(folder / "bar.h5"), surface=None), tmp_path / "bare.h5")
     result = CliRunner().invoke(app, ["view", str(tmp_path / "bare.h5"), "-o", str(tmp_path / "bare.html")])
@@ -199,7 +199,8 @@ def test_linear_kinematics_are_seen_to_stretch(folder, bent):
 
 @pytest.fixture(scope="module")
 def fmu(folder):
-    from flexfmu.fmu.package import package_fmu, read_packaged_body
+    from flexfmu.fmu.package import package_fmu
+    from flexfmu.fmu.reading import read_packaged_body
 
     package_fmu(read_packaged_body(folder / "bar.h5"), folder / "bar.fmu")
     return folder / "bar.fmu"

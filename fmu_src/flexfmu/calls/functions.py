@@ -72,7 +72,7 @@ class StabilityMap:
 
     def plot(self) -> "Figure":
         """Draw the map, a matplotlib figure."""
-        from ..study.stability import map_figure
+        from ..study.stability_map import map_figure
 
         return map_figure(self.records)
 
@@ -281,7 +281,7 @@ def stability(
     """
     from ..study.records import RUNS
     from ..study.scene.scene import read_scene
-    from ..study.stability import draw_map, map_stability
+    from ..study.stability import map_stability
     from ..study.workshop import Crew
 
     records, finding, picture = Path(records), "", None if picture is None else Path(picture)
@@ -291,6 +291,8 @@ def stability(
             report = report or ScriptReporter()
             finding = map_stability(found, records, picture, report, Store(default_folder()), crew)
     elif picture is not None:
+        from ..study.stability_map import draw_map
+
         check_target(picture, PICTURE_SUFFIXES, inputs=(records,))
         draw_map(records, picture)
     return StabilityMap(RUNS.read(records), finding, records)

@@ -21,7 +21,7 @@ from ..files.quantities import number, unit_of
 from ..files.store import Store, default_folder
 from ..files.tables import read_table
 from ..files.targets import check_target
-from ..fmu.package import read_packaged_body
+from ..fmu.reading import read_packaged_body
 from ..model.reduced_body import ReducedBody
 from ..view import motions
 from ..view.live import live_view

@@ -20,7 +20,7 @@ def info(
 
     from ..calls.describing import cost_table, data, describe
     from ..files.plain_data import fields_of, json_text
-    from ..fmu.package import read_packaged_body
+    from ..fmu.reading import read_packaged_body
 
     body = read_packaged_body(file)
     costs = {}

@@ -17,6 +17,8 @@ from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
 
 FIELDS = Path(__file__).parents[1] / "core" / "fields.def"
+DESCRIPTION = "body.prog"
+"""An FMU's program of the method that it starts with; it describes the variables, too."""
 VERSION = 3
 _MARK = b"flexprog"
 _WORD = 8
@@ -100,6 +102,14 @@ def read_image(image: bytes, base: bytes = b"") -> Image:
             place = _WORD * word if count else 0
             arrays[field.name] = np.frombuffer(base if place < 0 else image, _DTYPE[field.kind], count, abs(place))
     return Image(sizes, arrays)
+
+
+def guid_of(image: bytes) -> str:
+    """Guid of the model description that a program belongs to; "" for what is no program."""
+    try:
+        return bytes(read_image(image).arrays["guid"]).rstrip(b"\0").decode(errors="replace")
+    except (KeyError, ValueError, struct.error):
+        return ""
 
 
 def packed(matrices: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ Newton's method with load increments that are cut back where it fails. Source: J
 Mechanics for Finite Element Analysis, 2nd ed., chapter 9.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,12 +72,21 @@ class _Body:
         self._parts = list(elastic_cells(mesh, CHUNK, means=True))
         # Amplitudes of the elements' own shape functions, as last found.
         self._own = [np.zeros((len(p.nodes), p.gradient.shape[2] - p.nodes.shape[1], 3)) for p in self._parts]
+        # The last displacement, and the state of each part there: forces and their derivative are asked for in turns.
+        self._last: tuple[FloatArray, list[tuple[FloatArray, FloatArray]]] = np.full(spring.size, np.nan), []
+
+    def _states(self, displacement: FloatArray) -> Iterator[tuple[Cells, FloatArray, FloatArray]]:
+        """Every part, and its `_state`."""
+        if not np.array_equal(displacement, self._last[0]):
+            states = [self._state(number, displacement) for number in range(len(self._parts))]
+            self._last = displacement.copy(), states
+        for part, state in zip(self._parts, self._last[1], strict=True):
+            yield part, *state
 
     def forces(self, displacement: FloatArray) -> FloatArray:
         """Internal forces (3n,), N."""
         result = (self._spring @ displacement).reshape(-1, 3)
-        for number, part in enumerate(self._parts):
-            slopes, work = self._state(number, displacement)
+        for part, slopes, work in self._states(displacement):
             np.add.at(result, part.nodes, part.nodal(work[..., None], slopes)[..., 0][:, : part.nodes.shape[1]])
         return result.ravel() + self._of_bushings(displacement)[0]
 
@@ -93,8 +102,8 @@ class _Body:
     def tangent(self, displacement: FloatArray) -> sp.csr_array:
         """Their derivative (3n, 3n), N/m."""
         parts = [self._spring, self._of_bushings(displacement)[1]]
-        for number, part in enumerate(self._parts):
-            matrices = _tangent(part, *self._state(number, displacement))
+        for part, *state in self._states(displacement):
+            matrices = _tangent(part, *state)
             parts.append(assembled(part.nodes, part.eliminated(matrices)[0], displacement.size))
         total = summed(parts)
         return sp.csr_array(0.5 * (total + total.T))

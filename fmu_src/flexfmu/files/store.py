@@ -28,6 +28,8 @@ _ROOT = Path(__file__).parents[2]
 # Errors, progress, files: no result hangs on them, but for the factors of units.
 _ROOM = __name__.rpartition(".")[0]
 _UNITS = f"{_ROOM}.units"
+# What may begin with a docstring.
+_SAID = ast.Module | ast.ClassDef | ast.FunctionDef
 # Another version of these may give other numbers; the last two need not be there.
 _LIBRARIES = ("numpy", "scipy", "pymetis", "pypardiso", "mkl")
 
@@ -46,11 +48,17 @@ def code_digest(module: str) -> str:
     str
         12 hexadecimal digits.
     """
-    files = [path for path in sorted((_ROOT / _PACKAGE).rglob("*")) if path.suffix in (".py", *_COMPILED)]
-    texts = [(path.name, hashlib.sha256(path.read_bytes()).digest()) for path in files]
-    key = _hash(module, sys.version, texts, [_version(name) for name in _LIBRARIES])
+    key = _hash(module, sys.version, _installed())
     found = Store(default_folder()).arrays(key, "Hash", Reporter(), lambda: {"hash": np.array(_found_digest(module))})
     return str(found["hash"])
+
+
+@cache
+def _installed() -> str:
+    """Hash of all files of this package that hold code, and the versions of the libraries."""
+    files = [path for path in sorted((_ROOT / _PACKAGE).rglob("*")) if path.suffix in (".py", *_COMPILED)]
+    texts = [(path.name, hashlib.sha256(path.read_bytes()).digest()) for path in files]
+    return _hash(texts, _versions())
 
 
 def _found_digest(module: str) -> str:
@@ -62,7 +70,7 @@ def _found_digest(module: str) -> str:
         for path in sorted(_source(name).parent.iterdir()) if name == _CORE else ():
             if path.suffix in _COMPILED:
                 digest.update(f"{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
-    digest.update(repr([_version(name) for name in _LIBRARIES]).encode())
+    digest.update(repr(_versions()).encode())
     return digest.hexdigest()[:12]
 
 
@@ -94,13 +102,22 @@ def _read(module: str) -> tuple[str, tuple[str, ...]]:
     path = _source(module)
     package = module if path.stem == "__init__" else module.rpartition(".")[0]
     tree = ast.parse(path.read_bytes())
-    imports = tuple(name for node in ast.walk(tree) for name in _named(node, package))
-    for node in ast.walk(tree):
+    imports: list[str] = []
+    for node in list(_statements(tree)):
+        imports += _named(node, package)
         if isinstance(node, ast.Raise):
             node.exc = node.cause = None
-        elif isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+        elif isinstance(node, _SAID) and ast.get_docstring(node, clean=False) is not None:
             node.body = node.body[1:]
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imports
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), tuple(imports)
+
+
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """A statement and those within it: expressions, which are most of a tree, neither import nor raise."""
+    yield node
+    for block in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for inner in getattr(node, block, ()):
+            yield from _statements(inner)
 
 
 def _named(node: ast.AST, package: str) -> Iterator[str]:
@@ -129,14 +146,19 @@ def _source(module: str) -> Path:
     return path
 
 
-def _version(library: str) -> str:
+@cache
+def _versions() -> tuple[str, ...]:
+    """Versions of the libraries; "" where one is not there."""
     # Its import takes a tenth of a second, and `flexfmu info` needs no key.
     from importlib.metadata import PackageNotFoundError, version
 
-    try:
-        return version(library)
-    except PackageNotFoundError:
-        return ""
+    found = []
+    for library in _LIBRARIES:
+        try:
+            found.append(version(library))
+        except PackageNotFoundError:
+            found.append("")
+    return tuple(found)
 
 
 REUSED = "taken from an earlier build"

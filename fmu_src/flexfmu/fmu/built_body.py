@@ -25,7 +25,8 @@ from ..model.summary import first_frequency, summary
 from ..view.live import live_view
 from ..view.motions import MODES, body_view, mode_cases, static_case
 from ..view.shown import Shown
-from .package import package_fmu, read_packaged_body
+from .package import package_fmu
+from .reading import read_packaged_body
 from .runtime import Runtime
 from .simulation import simulate
 

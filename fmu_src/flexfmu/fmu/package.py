@@ -6,11 +6,9 @@ imports by name: the slave lies in a package whose name is a hash of everything 
 """
 
 import hashlib
-import io
 import tempfile
 import uuid
 import zipfile
-import zlib
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -18,19 +16,15 @@ from pathlib import Path
 from ..core.binaries import core_binaries
 from ..core.building import FLAGS, PLATFORMS, folders_3, prefix_header, source_files, sources as core_sources
 from ..files.errors import PackagingError
-from ..files.inputs import Kind, check_input
 from ..files.progress import Reporter
 from ..files.targets import check_target, whole_file
-from ..model.errors import ContentsError, ModalFileError
-from ..model.modal_file import read_modal_file, write_modal_file
+from ..model.modal_file import write_modal_file
 from ..model.reduced_body import ReducedBody
-from ..program.programs import DESCRIPTION as DESCRIBING_PROGRAM, guid_of, programs, with_guid
+from ..program.programs import programs, with_guid
 from .description import files_3, model_description
-from .python_slave import guid_in
+from .reading import DESCRIPTION, MODAL_FILE, modal_mark
 from .runtime import Runtime
 
-DESCRIPTION = "modelDescription.xml"
-MODAL_FILE = "modal.h5"
 # pythonfmu's base class of slaves and what it imports; the rest of the library is for building only.
 _SLAVE_LIBRARY = ("fmi2slave", "_version", "default_experiment", "enums", "logmsg", "variables")
 _SLAVE_MODULE = '''"""Entry point for pythonfmu's library."""
@@ -75,6 +69,7 @@ def package_fmu(
     platforms: Sequence[str] = (),
     report: Reporter | None = None,
     fmi: int = 2,
+    compressed: bool = True,
 ) -> None:
     """Write a body as an FMU; the file appears whole or not at all, and the same body gives the same bytes.
 
@@ -89,6 +84,8 @@ def package_fmu(
     report : Reporter, optional
     fmi : int
         Version of FMI, 2 or 3.
+    compressed : bool
+        Else larger, and written sooner: of FMUs that nobody keeps.
 
     Raises
     ------
@@ -99,12 +96,13 @@ def package_fmu(
     """
     check_target(output, (".fmu",))
     contents = _contents(body, runtime, cores_for(runtime, platforms, report, fmi), fmi)
-    with whole_file(output) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
+    way = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    with whole_file(output) as part, zipfile.ZipFile(part, "w", way) as archive:
         for name in sorted(contents):
             entry = zipfile.ZipInfo(name, _DATE)
             # Libraries can be loaded where the unpacking program keeps permissions.
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-            archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
+            archive.writestr(entry, contents[name], way)
 
 
 def cores_for(
@@ -196,7 +194,7 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi:
     everything |= _descriptions(body, runtime, "", fmi)
     for name, data in sorted(everything.items()):
         digest.update(f"{name}\0{len(data)}\0".encode() + data)
-    guid = f"{{{uuid.UUID(_modal_mark(modal) + digest.hexdigest()[:24])}}}"
+    guid = f"{{{uuid.UUID(modal_mark(modal) + digest.hexdigest()[:24])}}}"
     contents = {
         **_descriptions(body, runtime, guid, fmi),
         f"resources/{MODAL_FILE}": modal,
@@ -210,63 +208,3 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi:
         contents[f"resources/{package}_slave.py"] = _SLAVE_MODULE.format(package=package, guid=guid).encode()
         contents |= {f"resources/{package}/{name}": data for name, data in code.items()}
     return contents
-
-
-def _modal_mark(modal: bytes) -> str:
-    """What a guid begins with: so a modal file of another FMU is noticed."""
-    return hashlib.sha256(modal).hexdigest()[:8]
-
-
-def read_packaged_body(path: Path) -> ReducedBody:
-    """Read the body out of an FMU or a modal file, whichever it is.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    ReducedBody
-
-    Raises
-    ------
-    PackagingError
-        The archive is no FMU of flexfmu.
-    ContentsError
-        Its model description is that of another FMU.
-    ModalFileError
-        The modal file is missing, damaged, altered or of an unknown version.
-    """
-    check_input(path, PackagingError, Kind.FMU, Kind.MODAL)
-    if not zipfile.is_zipfile(path):
-        if path.suffix.lower() == ".fmu":
-            raise PackagingError(f"{path}: not an archive, so no FMU; the file is damaged, or something else")
-        return read_modal_file(path)
-    name = f"resources/{MODAL_FILE}"
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if name not in archive.namelist():
-                raise PackagingError(f"{path}: an archive without {name}; expected an FMU made by flexfmu")
-            data = archive.read(name)
-            program = archive.read(f"resources/{DESCRIBING_PROGRAM}")
-            guid = guid_in(archive.read(DESCRIPTION))
-    except KeyError as error:
-        raise PackagingError(f"{path}: an FMU that is not complete ({error}); build it again") from error
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
-        raise PackagingError(f"{path}: the archive is damaged ({error}); build or copy it again") from error
-    try:
-        body = read_modal_file(io.BytesIO(data))
-    except ModalFileError as error:
-        raise ModalFileError(f"{path}: {error}") from error
-    packed = guid_of(program)
-    if guid != packed:
-        raise ContentsError(
-            f"{path}: {DESCRIPTION} has the guid {guid}, and the programs beside it are of {packed}: files of two FMUs "
-            "are mixed; unpack the FMU again, or build it again"
-        )
-    if guid.strip("{}")[:8] != _modal_mark(data):
-        raise ContentsError(
-            f"{path}: {name} is not the one that the FMU with the guid {guid} was built with: files of two FMUs are "
-            "mixed; unpack the FMU again, or build it again"
-        )
-    return body

@@ -1,12 +1,11 @@
 """The programs that an FMU carries: one for each method that its body has the data for, and interfaces held."""
 
-import struct
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
-from ..core.image import read_image, shared
+from ..core.image import DESCRIPTION, shared
 from ..core.interface import symbols
 from ..model.errors import OptionError
 from ..model.fixing import with_fixed_interfaces, with_frame_layout
@@ -17,8 +16,6 @@ from .compile import compile_draft, shadow_draft
 from .mechanics import Draft, texts
 from .variable_table import Variable, variable_table
 
-DESCRIPTION = "body.prog"
-"""The program of the method that the FMU starts with; it describes the variables, too."""
 # What begins the name of the program that tells the error.
 _SHADOW = "shadow"
 # Sets of interfaces that a linear body may be fixed at: all of them as long as there are few.
@@ -100,14 +97,6 @@ def with_guid(made: Mapping[str, Draft], guid: str) -> dict[str, bytes]:
     first.arrays["shared"] = shared([draft.arrays for draft in drafts.values()], first.image())
     base = first.image()
     return {DESCRIPTION: base} | {name: draft.image(base) for name, draft in drafts.items()}
-
-
-def guid_of(image: bytes) -> str:
-    """Guid of the model description that a program belongs to; "" for what is no program."""
-    try:
-        return bytes(read_image(image).arrays["guid"]).rstrip(b"\0").decode(errors="replace")
-    except (KeyError, ValueError, struct.error):
-        return ""
 
 
 def _fixed_sets(body: ReducedBody, method: Method) -> list[tuple[int, ...]]:

@@ -36,12 +36,12 @@ class Matrices:
 
     def __init__(self, model: Model, report: Reporter, store: Store | None = None):
         self.model, self.report, self.store = model, report, store or Store()
+        # Of this one and of its quiet copies.
+        self._supported: list[Supported] = []
 
     @property
     def quiet(self) -> "Matrices":
         """The same matrices; of what is found with these nobody hears."""
-        # Assembled and factorised once for both.
-        _ = self.supported
         found = copy(self)
         found.report = Reporter()
         return found
@@ -63,9 +63,14 @@ class Matrices:
         supports = model.fixed, model.spring, model.rigid.shape, *model.bushings.key
         return content_key(__name__, mesh.points, *blocks, *materials, *supports, *tied, *stiff, *hung)
 
-    @cached_property
+    @property
     def supported(self) -> Supported:
-        """Both without the supports, factorised."""
+        """Both without the supports, factorised when first needed: where all is kept they never are."""
+        if not self._supported:
+            self._supported.append(self._factorised())
+        return self._supported[0]
+
+    def _factorised(self) -> Supported:
         model = self.model
         with self.report.stage("Assemble stiffness and mass"):
             # Without names for those of all degrees of freedom, which are not kept beside the factors.

@@ -141,18 +141,23 @@ def reduced_piece(
     if config.certificate:
         with report.stage("Reduce the body once more, finer, to know its error"):
             finer, finer_basis = _shadow(divided, basis, every)
-        span = embedding(matrices.supported, finer_basis.modes.shapes, basis.modes.shapes)
+        key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
+        span = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, basis.modes.shapes))
         body, finer_work = replace(body, shadow=Shadow(finer, span)), warping.T @ finer_basis.modes.shapes
     shapes = basis.modes.shapes
-    spanned = np.zeros((len(loads), 0)) if spanned is None else spanned
-    return Reduced(body, work, finer_work, fine, shapes, embedding(matrices.supported, shapes, spanned))
+    span = np.zeros((shapes.shape[1], 0)) if spanned is None else embedding(matrices.supported, shapes, spanned)
+    return Reduced(body, work, finer_work, fine, shapes, span)
 
 
 def _shadow(divided: _Divided, basis: _Basis, every: FloatArray) -> tuple[ReducedBody, _Basis]:
     """The body once more, with more frames and all that its basis may lack under loads (3n, l)."""
     matrices, model, loads = basis.matrices.quiet, divided.model, divided.unit_loads()
     finer = shadow_options(divided.config, divided.subdomains)
-    third = third_order_loads(matrices, basis.modes, loads, THIRD_LEAST, THIRD_MOST)
+    key = content_key(__name__, "third order", basis.key, loads)
+    third = matrices.kept(
+        key, "shapes of third order",
+        lambda: third_order_loads(matrices, basis.modes, loads, THIRD_LEAST, THIRD_MOST),
+    )  # fmt: skip
     key = content_key(__name__, "buckling", matrices.key, loads)
     buckled = matrices.kept(key, "shapes of buckling", lambda: buckling_loads(matrices, loads))
     lacking = np.hstack([every, third, buckled])
@@ -230,16 +235,10 @@ def _parts(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOr
     """What the body holds beside its motion, by its options: fields of `ReducedBody`."""
     config, model, subdomains, matrices = divided.config, divided.model, divided.subdomains, basis.matrices
     modes, key, stored = basis.modes, basis.key, config.stored
-    watched: dict[str, Any] = {}
     surface = _surface(divided, basis, loads, second) if config.surface else None
     by_load = stiffness_by_load(matrices, modes, key, loads, config.acceleration) if Data.BY_LOAD in stored else None
-    if config.watched:
-        names, turned = ("watched_frame", "watched_rotation", "watched_strain"), basis.frames.frame_rotation
-        found = watched_material(model.mesh, modes.shapes, modes.angular_frequency, loads, subdomains, turned)
-        watched = dict(zip(names, found, strict=True))
-        watched["frequency_spread"] = frequency_spread(matrices.supported, modes.angular_frequency, modes.shapes)
     return {
-        **watched,
+        **(_watched(divided, basis, loads) if config.watched else {}),
         "root_interface": fixable_root(config, model),
         "whole": whole_frame(model, modes.shapes, config) if several(subdomains) else None,
         "masses": sub_masses(model.mesh, modes.shapes, subdomains) if config.acceleration else None,
@@ -250,6 +249,21 @@ def _parts(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOr
         "surface": surface,
         "second": second,
     }
+
+
+def _watched(divided: _Divided, basis: _Basis, loads: FloatArray) -> dict[str, Any]:
+    """What tells while the body runs how far its material turns and strains, and what its modes are made of."""
+    matrices, shapes, omega = basis.matrices, basis.modes.shapes, basis.modes.angular_frequency
+    subdomains, turned = divided.subdomains, basis.frames.frame_rotation
+
+    def make() -> dict[str, Any]:
+        names = ("watched_frame", "watched_rotation", "watched_strain")
+        found = watched_material(matrices.model.mesh, shapes, omega, loads, subdomains, turned)
+        own = {"frequency_spread": frequency_spread(matrices.supported, omega, shapes)}
+        return {**dict(zip(names, found, strict=True)), **own}
+
+    key = content_key(__name__, "watched", basis.key, loads, turned, *(domain.elements for domain in subdomains))
+    return matrices.store.arrays(key, "material that is watched", matrices.report, make)
 
 
 def _divided(config: BodyOptions, model: Model, report: Reporter, springs: Sequence[Spring], cut: bool) -> _Divided:
@@ -342,10 +356,16 @@ def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) 
     )
     rigid = np.flatnonzero(modes.angular_frequency == 0.0)
     floating = any(domain.floating for domain in subdomains)
-    with basis.matrices.report.stage(f"Find where {len(readings)} places go at second order"):
-        every = second_order(
-            mesh, basis.matrices.supported, modes.shapes, rigid, floating, readings, divided.model.bushings
-        )
+    matrices, bushings = basis.matrices, divided.model.bushings
+
+    def make() -> dict[str, FloatArray]:
+        with matrices.report.stage(f"Find where {len(readings)} places go at second order"):
+            found = second_order(mesh, matrices.supported, modes.shapes, rigid, floating, readings, bushings)
+        return {"displacement": found.displacement, "rotation": found.rotation}
+
+    parts = [part for reading in readings for part in reading.parts]
+    key = content_key(__name__, "second order", basis.key, floating, *parts)
+    every = SecondOrder(**matrices.store.arrays(key, "places at second order", matrices.report, make))
     last = len(every.displacement) - 2 * len(nodes)
     lumped = np.arange(last - len(lump_centres), last)
     displacement, rotation = (np.delete(part, lumped, 0) for part in (every.displacement, every.rotation))

@@ -1,7 +1,7 @@
 """Models of a body that may do for a scene: basis, modes, frames and method; and their words."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -164,9 +164,9 @@ def reduction_config(config: BodyFile, reduction: Reduction, variants: list[Vari
     return config.model_copy(update={**frames, "reduction": table, "formulation": start})
 
 
-def grouped(found: Sequence[Candidate]) -> Iterator[list[Candidate]]:
-    """Candidates of one basis and division together: one build serves them, whatever their modes."""
-    kinds = [(candidate.reduction.frames, candidate.reduction.basis) for candidate in found]
+def grouped(found: Sequence[Candidate], most: Callable[[Reduction], Reduction]) -> Iterator[list[Candidate]]:
+    """Candidates of one basis and division of `most` together: one build serves them, whatever their modes."""
+    kinds = [(one.frames, one.basis) for one in (most(candidate.reduction) for candidate in found)]
     for kind in dict.fromkeys(kinds):
         yield [candidate for candidate, own in zip(found, kinds, strict=True) if own == kind]
 

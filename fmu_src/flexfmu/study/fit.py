@@ -24,7 +24,7 @@ from .fitted import Fit, body_text
 from .scene.config import BasisChoice
 from .scene.reference import SceneErrors
 from .scene.scene import Scene
-from .workshop import Crew, Workshop, build, normal_frequencies, pair_ends
+from .workshop import Crew, Workshop, build, normal_frequencies, pair_ends, subset
 
 _LADDER = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 """Numbers of modes that are tried, where no pair of equal frequency is split."""
@@ -263,7 +263,9 @@ def modes_needed(workshop: Workshop, most: Reduction, variant: Variant, allowed:
 
     def will_do(count: int) -> bool:
         if count not in bodies:
-            bodies[count] = workshop.shared(replace(most, modes=count), [variant]).body
+            cut = bool(workshop.scene.config.cut)
+            fewer = replace(most, modes=count)
+            bodies[count] = workshop.body(fewer, [variant]) if cut else subset(whole, most.basis, count)
         return workshop.errors(bodies[count], variant).share <= allowed
 
     if not will_do(most.modes):

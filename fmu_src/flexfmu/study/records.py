@@ -342,6 +342,15 @@ class Verdict(Enum):
     """Beyond the tolerance, and nothing said."""
 
 
+VERDICTS = {
+    Verdict.RIGHT: "within the tolerance, no warning",
+    Verdict.WARNED: "warned",
+    Verdict.REFUSED: "refused",
+    Verdict.SILENT: "wrong in silence",
+}
+"""Verdicts in words."""
+
+
 @dataclass(frozen=True, slots=True)
 class Run:
     """One row of the records of a map of stability.

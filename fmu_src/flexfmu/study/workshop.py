@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, TypeVar
 
-import joblib
 import numpy as np
 import scipy.linalg
 
@@ -26,10 +25,10 @@ from ..files.progress import Reporter
 from ..files.store import REUSED, Store
 from ..model.arrays import BODY, STRESS, turned
 from ..model.errors import RuntimeBodyError
-from ..model.methods import Variant
+from ..model.methods import Mass, Variant
 from ..model.reduced_body import GROUPS, ReducedBody
 from ..model.variants import lean
-from .candidates import Reduction, reduction_config
+from .candidates import Candidate, Reduction, candidates, reduction_config
 from .cost import StepCost, time_steps
 from .pace import Clock
 from .scene.config import BasisChoice
@@ -61,7 +60,11 @@ class Crew:
     def __init__(self, jobs: int = 1):
         if jobs == 0 or jobs < -1:
             raise JobsError(f"jobs is {jobs}, expected 1 or more, or -1: one process for each core")
-        self.count = joblib.cpu_count() if jobs == -1 else jobs
+        self.count = jobs
+        if jobs == -1:
+            import joblib
+
+            self.count = joblib.cpu_count()
 
     def each(self, tasks: Sequence[Callable[[], T]]) -> Iterator[T]:
         """Do tasks, and yield their results in the order of the tasks as soon as they are there.
@@ -79,6 +82,8 @@ class Crew:
             for task in tasks:
                 yield task()
             return
+        import joblib
+
         with joblib.parallel_config(n_jobs=min(self.count, len(tasks)), backend="loky", inner_max_num_threads=1):
             yield from joblib.Parallel(return_as="generator", batch_size=1)(joblib.delayed(task)() for task in tasks)
 
@@ -89,6 +94,8 @@ class Crew:
     def __exit__(self, *_: object) -> None:
         """End the processes."""
         if self.count > 1:
+            import joblib
+
             # Otherwise they wait for more for some minutes.
             with suppress(Exception):
                 joblib.externals.loky.get_reusable_executor().shutdown(wait=False, kill_workers=True)
@@ -326,15 +333,31 @@ class Workshop:
         """Reduce the body for some variants, once."""
         return self.build(reduction, variants).body
 
-    def shared(self, reduction: Reduction, variants: list[Variant]) -> Built:
-        """Reduce the body with the most modes of the sweep, once, and leave modes out.
+    @cached_property
+    def _tried(self) -> list[Candidate]:
+        """All that the sweep may try."""
+        return candidates(self.scene)
+
+    def most(self, reduction: Reduction) -> Reduction:
+        """The reduction of the sweep from which this one is found by leaving out: with most modes, and residual shapes.
 
         A cut body, whose parts have modes of their own, is reduced as it is asked for.
         """
-        if self.scene.config.cut or reduction.modes >= self.plenty:
-            return self.build(reduction, variants)
-        built = self.build(replace(reduction, modes=self.plenty), variants)
-        return replace(built, body=subset(built.body, reduction.basis, reduction.modes))
+        if self.scene.config.cut:
+            return reduction
+        bases = {one.reduction.basis for one in self._tried if one.reduction.frames == reduction.frames}
+        # Normal modes are the first coordinates of a residual basis.
+        larger = reduction.basis is BasisChoice.NORMAL and BasisChoice.RESIDUAL in bases
+        basis = BasisChoice.RESIDUAL if larger else reduction.basis
+        return replace(reduction, basis=basis, modes=max(self.plenty, reduction.modes))
+
+    def shared(self, reduction: Reduction) -> Built:
+        """Reduce the body as `most` says, once, for all methods that the sweep may try, and leave out the rest."""
+        most = self.most(reduction)
+        variants = dict.fromkeys(one.variant for one in self._tried if self.most(one.reduction) == most)
+        # The body starts with the first: of lumped mass alone no polynomial is known.
+        built = self.build(most, sorted(variants, key=lambda one: one.mass is Mass.CONFIGURATION))
+        return replace(built, body=_part(built.body, most, reduction))
 
     def errors(self, body: ReducedBody, variant: Variant, limits: StepLimits | None = None) -> SceneErrors:
         """Error of a reduced body under a variant."""
@@ -344,17 +367,15 @@ class Workshop:
         except RuntimeBodyError as error:
             return SceneErrors(failure=str(error))
 
-    def own_errors(self, reduction: Reduction, models: Sequence[tuple[Variant, StepLimits | None]]) -> list[float]:
-        """The largest errors of static cases that models of a reduction tell of themselves.
-
-        Not a number where one has no answer.
-        """
-        variants = list(dict.fromkeys(variant for variant, _ in models))
-        body, found = build(reduction_config(self.scene.config, reduction, variants).certified, self.store).body, []
-        for variant, limits in models:
+    def own_errors(self, models: Sequence[Candidate]) -> list[float]:
+        """The largest errors of static cases that models of one `most` tell of themselves; nan without an answer."""
+        most, variants = self.most(models[0].reduction), list(dict.fromkeys(one.variant for one in models))
+        whole, found = build(reduction_config(self.scene.config, most, variants).certified, self.store).body, []
+        for one in models:
             try:
-                own = self._own(FlexibleBody(lean(body, variant), limits=limits))
-                found.append(max((one.relative for one in own), default=math.nan))
+                body = lean(_part(whole, most, one.reduction), one.variant)
+                own = self._own(FlexibleBody(body, limits=one.limits))
+                found.append(max((told.relative for told in own), default=math.nan))
             except RuntimeBodyError:
                 found.append(math.nan)
         return found
@@ -409,6 +430,11 @@ class Workshop:
         if self._step is None:
             self._step = self.scene.transient[0].step if self.scene.transient else model.model.suggested_step
         return self._step
+
+
+def _part(body: ReducedBody, most: Reduction, reduction: Reduction) -> ReducedBody:
+    """The body of a reduction out of that of `Workshop.most`."""
+    return body if most == reduction else subset(body, reduction.basis, reduction.modes)
 
 
 def _counted(work: Callable[..., T], workshop: Workshop, *arguments: Any) -> tuple[T, int]:

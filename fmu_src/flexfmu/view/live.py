@@ -9,9 +9,10 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody
 from ..body.recovery import surface_data, surface_of
 from ..core.binaries import web_core
+from ..core.image import DESCRIPTION
 from ..files.array_types import FloatArray
 from ..model.errors import OptionError
-from ..program.programs import DESCRIPTION, programs, with_guid
+from ..program.programs import programs, with_guid
 from ..program.variable_table import variable_table
 from .model import DISPLACEMENT, View
 from .motions import body_view

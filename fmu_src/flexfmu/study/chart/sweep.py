@@ -307,10 +307,10 @@ class _Trial:
         alike: dict[Reduction, list[Record]] = {}
         for row in left:
             if row.key in models:
-                alike.setdefault(models[row.key].reduction, []).append(row)
+                alike.setdefault(self._workshop.most(models[row.key].reduction), []).append(row)
         if not alike:
             return
-        own = [(r, [(models[row.key].variant, models[row.key].limits) for row in rows]) for r, rows in alike.items()]
+        own = [([models[row.key] for row in rows],) for rows in alike.values()]
         with self._workshop.report.counted("Own errors of the front", len(own), "reductions") as tell:
             told = zip(alike.values(), self._workshop.each(Workshop.own_errors, own), strict=True)
             for done, (rows, errors) in enumerate(told, start=1):
@@ -328,7 +328,7 @@ class _Trial:
             return
         workshop, done = self._workshop, 0
         _ = workshop.known
-        groups, size = list(candidates.grouped(left)), workshop.crew.count
+        groups, size = list(candidates.grouped(left, workshop.most)), workshop.crew.count
         with workshop.report.counted(title, len(left), "models") as tell:
             for first in range(0, len(groups), size):
                 some = groups[first : first + size]
@@ -347,10 +347,10 @@ class _Trial:
 
 
 def _words(group: Sequence[Candidate]) -> str:
-    first = group[0].reduction
-    modes = ", ".join(str(modes) for modes in dict.fromkeys(member.reduction.modes for member in group))
-    basis = candidates.BASES[first.basis.value]
-    return f"{basis}, {modes} modes, {frames_words(first.frames)}: {plural(len(group), 'model')}"
+    reductions = [member.reduction for member in group]
+    bases = ", ".join(dict.fromkeys(candidates.BASES[one.basis.value] for one in reductions))
+    modes = ", ".join(dict.fromkeys(str(one.modes) for one in reductions))
+    return f"{bases}, {modes} modes, {frames_words(reductions[0].frames)}: {plural(len(group), 'model')}"
 
 
 def measure(workshop: Workshop, group: Sequence[Candidate]) -> list[tuple[Built, SceneErrors]] | str:
@@ -366,9 +366,8 @@ def measure(workshop: Workshop, group: Sequence[Candidate]) -> list[tuple[Built,
     list of (Built, SceneErrors), or str
         Why the body cannot be reduced so.
     """
-    variants = list(dict.fromkeys(member.variant for member in group))
     try:
-        bodies = {one: workshop.shared(one, variants) for one in dict.fromkeys(member.reduction for member in group)}
+        bodies = {one: workshop.shared(one) for one in dict.fromkeys(member.reduction for member in group)}
     except AccuracyError as error:
         return str(error)
     return [(bodies[m.reduction], workshop.errors(bodies[m.reduction].body, m.variant, m.limits)) for m in group]
