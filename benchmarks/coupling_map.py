@@ -28,8 +28,8 @@ from flexfmu.master.config import parse_coupling
 from flexfmu.master.coupling import Result
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import ReducedBody
+from flexfmu.study.pictures import percent_words
 from flexfmu.study.records import verdict
-from flexfmu.study.stability_map import percent_words
 
 from .records import read_records, write_records
 

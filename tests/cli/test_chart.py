@@ -350,7 +350,7 @@ def test_half_of_the_models_find_the_front_of_all_of_them(demo):
 @pytest.mark.slow
 def test_a_body_is_packaged_once_for_all_its_methods(bent_beam, tmp_path, store, monkeypatch):
     packaged, plain = [], fmu_cost.package_fmu
-    monkeypatch.setattr(fmu_cost, "package_fmu", lambda body, path: packaged.append(body) or plain(body, path))
+    monkeypatch.setattr(fmu_cost, "package_fmu", lambda body, *a, **k: packaged.append(body) or plain(body, *a, **k))
     variants = [FRAMES, Variant(Method.LINEAR)]
     body = Workshop(bent_beam, Reporter(), store).build(Reduction(BasisChoice.NORMAL, 3, 1), variants).body
     with closing(FmuTimer(tmp_path)) as timer:

@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 from flexfmu.commands.cli import app
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
-from flexfmu.study import stability
+from flexfmu.study import pictures
+from flexfmu.study.pictures import draw_map
 from flexfmu.study.records import RUNS, RecordFile, Run, Verdict, verdict
 from flexfmu.study.scene.config import SceneError
 from flexfmu.study.stability import ESTIMATE, map_stability, mapped_models, planned
-from flexfmu.study.stability_map import draw_map
 from flexfmu.study.workshop import Crew
 from scene_tools import Listening, scene_of
 
@@ -136,7 +136,7 @@ def test_cells_are_shaded_by_error_and_framed_by_verdict():
     errors = {"0.1": (1e-3, "right"), "0.2": (0.5, "warned"), "0.3": (math.nan, "silent"), "0.4": (0.5, "refused")}
     runs = [Run("", "bar", "bend", x, "linear", word, error) for x, (error, word) in errors.items()]
     panel = Figure().add_subplot()
-    stability._draw_case(panel, runs)
+    pictures._draw_case(panel, runs)
     assert [text.get_text() for text in panel.texts] == ["0.1", "50", "–"]
     light, dark, unknown, refused = (patch.get_facecolor() for patch in panel.patches)
     assert sum(dark[:3]) < sum(light[:3]) < sum(unknown[:3])

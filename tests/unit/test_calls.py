@@ -138,7 +138,8 @@ def test_bodies_are_seen_from_a_script(folder):
 @pytest.mark.slow
 def test_pictures_leave_the_way_of_the_notebook_alone():
     """No choice of a backend for the figures of others, and no matplotlib before something is drawn."""
-    code = "import flexfmu, sys; flexfmu.Body, flexfmu.chart; assert 'matplotlib' not in sys.modules; "
+    code = "import flexfmu, sys; flexfmu.Body, flexfmu.chart; import flexfmu.study.stability; "
+    code += "assert 'matplotlib' not in sys.modules; "
     code += "import flexfmu.fmu.curves, flexfmu.study.pictures, flexfmu.view.picture; "
     code += "assert 'matplotlib.pyplot' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)

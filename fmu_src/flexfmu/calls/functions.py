@@ -72,7 +72,7 @@ class StabilityMap:
 
     def plot(self) -> "Figure":
         """Draw the map, a matplotlib figure."""
-        from ..study.stability_map import map_figure
+        from ..study.pictures import map_figure
 
         return map_figure(self.records)
 
@@ -291,7 +291,7 @@ def stability(
             report = report or ScriptReporter()
             finding = map_stability(found, records, picture, report, Store(default_folder()), crew)
     elif picture is not None:
-        from ..study.stability_map import draw_map
+        from ..study.pictures import draw_map
 
         check_target(picture, PICTURE_SUFFIXES, inputs=(records,))
         draw_map(records, picture)

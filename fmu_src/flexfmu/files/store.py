@@ -147,18 +147,16 @@ def _source(module: str) -> Path:
 
 
 @cache
-def _versions() -> tuple[str, ...]:
-    """Versions of the libraries; "" where one is not there."""
+def _versions() -> dict[str, str]:
+    """Versions of the libraries that are there."""
     # Its import takes a tenth of a second, and `flexfmu info` needs no key.
     from importlib.metadata import PackageNotFoundError, version
 
-    found = []
+    found = {}
     for library in _LIBRARIES:
-        try:
-            found.append(version(library))
-        except PackageNotFoundError:
-            found.append("")
-    return tuple(found)
+        with suppress(PackageNotFoundError):
+            found[library] = version(library)
+    return found
 
 
 REUSED = "taken from an earlier build"

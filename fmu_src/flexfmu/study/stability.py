@@ -180,7 +180,7 @@ def map_stability(
                     kept.append(run)
             tell(done)
     if picture is not None:
-        from .stability_map import draw_map
+        from .pictures import draw_map
 
         draw_map(records, picture)
     counts = Counter(Verdict(run.verdict) for run in kept.rows)
