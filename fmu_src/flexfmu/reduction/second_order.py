@@ -68,7 +68,7 @@ class NodeReading:
     def parts(self) -> list[FloatArray | IntArray]:
         """Its arrays, by which it is known."""
         turn, inside = self.turn, [] if self.inside is None else [self.inside]
-        return [self.point, self.nodes, self.displacement, turn.nodes, turn.operator, self.angle, *inside]
+        return [self.point, self.nodes, self.operator, turn.nodes, turn.operator, self.angle, *inside]
 
     def loads(self, count: int) -> FloatArray:
         """Nodal forces (3n, 6) whose work is the motion: a unit of each displacement, then of each rotation."""
