@@ -124,6 +124,14 @@ def test_moments_and_free_bodies_are_refused_with_what_to_do(tmp_path):
         references(scene, Reporter())
 
 
+def test_a_force_beside_its_nodes_centre_is_refused_as_the_moment_that_it_makes(tmp_path):
+    """Its nodal forces keep their directions, so that their moment would stay behind where the interface turns."""
+    beside = [('name = "tip"', 'name = "tip"\npoint = [1.0, 0.0, 0.06]')]
+    scene = scene_of(tmp_path, BEND, changes=beside)
+    with pytest.raises(SceneError, match=r"point of interface 'tip' lies off the centre.*leave `point` out, or bring"):
+        references(scene, Reporter())
+
+
 def test_the_motion_of_a_section_that_turns_far_is_that_of_its_best_rigid_motion(random):
     points = random.normal(size=(9, 3))
     turn, shift = np.array([0.9, -1.3, 0.7]), np.array([3.0, -1.0, 2.0])

@@ -9,6 +9,8 @@ from ..files.array_types import FloatArray, IntArray
 
 # Second moments of the set below this fraction of the largest count as zero: nodes on a line or in one point.
 _FLAT = 1e-9
+# Share of a mean's largest weight below which other parts are round-off: the point is its nodes' centre.
+_EVEN = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,3 +127,14 @@ def modal_fit(
     local = shapes.reshape(len(points), 3, -1)[nodes.nodes].reshape(operator.shape[1], -1)
     fit = operator @ local
     return fit[:3], fit[3:], rank
+
+
+def is_mean(operator: FloatArray, share: float = _EVEN) -> bool:
+    """Whether the displacement that an operator (3 or 6, 3k) reads is a mean of its nodes': the point is their centre.
+
+    Off it, a displacement takes a part of the rotation, and a force is spread with a moment. Other parts than
+    equal ones below a `share` of the largest do not count.
+    """
+    parts = operator[:3].reshape(3, -1, 3)
+    off = parts - parts[0, :, :1] * np.eye(3)[:, None]
+    return bool(np.all(abs(off) <= share * abs(parts).max(initial=0.0)))

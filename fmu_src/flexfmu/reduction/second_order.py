@@ -26,7 +26,7 @@ from ..model.rotations import skew
 from .bushings import Bushings
 from .interfaces import InterfaceFit
 from .masses import Centre
-from .rigid_fit import Weighted, rigid_fit
+from .rigid_fit import Weighted, is_mean, rigid_fit
 from .subdomains import Subdomain, Turn, carrying_frame
 from .supported import Supported
 
@@ -34,8 +34,6 @@ _RANK = 6
 # How far sections depart from planes, over how far their frames turn them, above which a body is one of sections that
 # warp: solid bars, curved ones too, have 0.07 at most, thin open sections and tubes 0.09 to 2.
 _WARPS = 0.08
-# Share of a mean's largest weight below which other parts are round-off: the point is its nodes' centre.
-_EVEN = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +87,8 @@ class NodeReading:
 
     def carried(self, points: FloatArray, shapes: FloatArray) -> FloatArray:
         """Second-order part (3, m, m) of the displacement of a point that turns about the nodes' centre, on an arc."""
-        parts, modes = self.operator[:3].reshape(3, -1, 3), shapes.shape[1]
-        off = parts - parts[0, :, :1] * np.eye(3)[:, None]
-        if len(self.operator) == 3 or np.all(abs(off) <= _EVEN * abs(parts).max(initial=0.0)):
+        modes = shapes.shape[1]
+        if len(self.operator) == 3 or is_mean(self.operator):
             return np.zeros((3, modes, modes))
         local = shapes.reshape(len(points), 3, -1)[self.nodes]
         angle = self.operator[3:] @ local.reshape(-1, modes)

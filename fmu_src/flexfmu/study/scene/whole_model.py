@@ -18,10 +18,14 @@ from ...reduction.basis import Matrices
 from ...reduction.interfaces import InterfaceFit, fit_interface
 from ...reduction.model import Model
 from ...reduction.point_masses import model_mass
+from ...reduction.rigid_fit import is_mean
 from .config import SceneError
 from .scene import Scene, StaticCase
 
 _FIT_ROUNDS = 50
+# Share of the rotation in an interface's displacement above which its force is spread with a moment. Nodes beside an
+# edge or a point, which count by a thousandth, stay below.
+_OFF = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +103,13 @@ class WholeModel:
                 f"{case.name}: the finite element model takes forces only, since the forces that make up a moment "
                 "would have to turn with the interface; replace the moment by forces on two interfaces, or bring "
                 f'results: results = "{case.name}.csv"'
+            )
+        pushed = [one for one, force in zip(self.interfaces, case.peak.force, strict=True) if np.any(force)]
+        if off := [one.name for one in pushed if not is_mean(one.operator, _OFF)]:
+            return (
+                f"{case.name}: the point of interface {off[0]!r} lies off the centre of its nodes, so that its force "
+                "is spread with a moment, which would have to turn with the interface in finite elements; leave "
+                f'`point` out, or bring results: results = "{case.name}.csv"'
             )
         if self.model.rigid.shape[1]:
             return (
