@@ -98,14 +98,14 @@ CUT = """
 #include "body.h"
 #define FLEX_EXPORT __attribute__((visibility("default")))
 static const double MARK = 1234.5;
-FLEX_EXPORT int64_t body_room(const Body *body) { return body->work_size; }
+FLEX_EXPORT int64_t body_room(const Body *body) { return body->scratch.work_size; }
 FLEX_EXPORT void body_cut(Body *body, int64_t size, int64_t whole) {
-    body->work_size = size;
-    for (int64_t i = 0; i < whole; i++) body->work[i] = MARK;
+    body->scratch.work_size = size;
+    for (int64_t i = 0; i < whole; i++) body->scratch.work[i] = MARK;
 }
 FLEX_EXPORT int64_t body_written(const Body *body, int64_t whole) {
     int64_t count = 0;
-    for (int64_t i = body->work_size; i < whole; i++) count += body->work[i] != MARK;
+    for (int64_t i = body->scratch.work_size; i < whole; i++) count += body->scratch.work[i] != MARK;
     return count;
 }
 FLEX_EXPORT int64_t taken(int64_t size, const int64_t *counts, int64_t *at) {

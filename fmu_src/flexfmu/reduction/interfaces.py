@@ -109,7 +109,7 @@ def _weighted(table: InterfaceNodes, mesh: Mesh, nodes: IntArray) -> Weighted:
     # A section inside the body is an area too; a set that holds whole elements is a piece of it.
     for outer in (True, False) if not elements_within(mesh, nodes).size else (True,):
         faces = select(mesh.faces, nodes, outer=outer)
-        covered = np.unique(np.concatenate([block.ravel() for block in faces]))
+        covered = np.unique(np.concatenate([nodes[:0], *(block.ravel() for block in faces)]))
         # An edge of shells across a joint holds the knot's other lines, too: of no face here, and rigid with it.
         knots = [link.nodes for link in mesh.links if np.isin(link.nodes, covered).any()]
         kept = covered if np.isin(nodes, np.concatenate([covered, *knots])).all() else nodes
