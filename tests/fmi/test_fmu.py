@@ -12,6 +12,7 @@ import pytest
 
 from bodies import LINEAR, Beam, beam_body, random_body
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
+from flexfmu.core.image import VERSION
 from flexfmu.files.errors import PackagingError
 from flexfmu.fmu import python_slave
 from flexfmu.fmu.description import Runtime
@@ -137,6 +138,18 @@ def test_an_fmu_with_a_file_of_another_one_is_not_read(tmp_path, beam, runtime, 
             archive.writestr(entry, data)
     with pytest.raises(ContentsError, match=r"mixed\.fmu: .* of two FMUs are mixed"):
         read_packaged_body(tmp_path / "mixed.fmu")
+
+
+def test_an_fmu_of_another_version_is_not_taken_for_mixed_files(tmp_path, beam):
+    files = entries(beam[1])
+    name = "resources/body.prog"
+    assert int.from_bytes(files[name][8:16], "little") == VERSION
+    files[name] = files[name][:8] + (VERSION - 1).to_bytes(8, "little") + files[name][16:]
+    with zipfile.ZipFile(tmp_path / "older.fmu", "w") as archive:
+        for entry, data in files.items():
+            archive.writestr(entry, data)
+    with pytest.raises(ContentsError, match=r"older\.fmu: its programs were built by another version .*build it again"):
+        read_packaged_body(tmp_path / "older.fmu")
 
 
 def test_travelling_code_imports_the_standard_library_alone():

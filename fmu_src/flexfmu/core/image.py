@@ -105,7 +105,9 @@ def read_image(image: bytes, base: bytes = b"") -> Image:
 
 
 def guid_of(image: bytes) -> str:
-    """Guid of the model description that a program belongs to; "" for what is no program."""
+    """Guid of the model description that a program belongs to; "" for what is no program of this version."""
+    if not image.startswith(struct.pack("<8sqQ", _MARK, VERSION, checksum(_table()))):
+        return ""
     try:
         return bytes(read_image(image).arrays["guid"]).rstrip(b"\0").decode(errors="replace")
     except (KeyError, ValueError, struct.error):

@@ -64,15 +64,13 @@ def read_packaged_body(path: Path) -> ReducedBody:
         body = read_modal_file(io.BytesIO(data))
     except ModalFileError as error:
         raise ModalFileError(f"{path}: {error}") from error
-    packed = guid_of(program)
+    packed, mixed = guid_of(program), "files of two FMUs are mixed; unpack the FMU again, or build it again"
+    if not packed:
+        raise ContentsError(
+            f"{path}: its programs were built by another version of flexfmu, or are damaged; build it again"
+        )
     if guid != packed:
-        raise ContentsError(
-            f"{path}: {DESCRIPTION} has the guid {guid}, and the programs beside it are of {packed}: files of two FMUs "
-            "are mixed; unpack the FMU again, or build it again"
-        )
+        raise ContentsError(f"{path}: {DESCRIPTION} has the guid {guid}, its programs are of {packed}: {mixed}")
     if guid.strip("{}")[:8] != modal_mark(data):
-        raise ContentsError(
-            f"{path}: {name} is not the one that the FMU with the guid {guid} was built with: files of two FMUs are "
-            "mixed; unpack the FMU again, or build it again"
-        )
+        raise ContentsError(f"{path}: {name} is not the one that the FMU of guid {guid} was built with: {mixed}")
     return body
