@@ -77,6 +77,19 @@ internal_step = ["single", 1e-4, 1e-6]
     assert {c.variant.mass for c in still} == {Mass.CONSTANT}
 
 
+def test_a_chart_of_motion_begins_with_the_mass_that_bodies_have_by_default(tmp_path):
+    scene = scene_of(tmp_path, BEND + SUDDEN)
+    found = candidates(scene)
+    masses = {one.variant.mass for one in found if one.variant.method is Method.SECOND_ORDER}
+    assert masses == {Mass.CONSTANT, Mass.POLYNOMIAL}
+    coarse = {one.variant.method: one.variant.mass for one in Grid.of(scene, found).coarse()}
+    assert coarse == {
+        Method.LINEAR: Mass.CONSTANT,
+        Method.FRAMES: Mass.CONSTANT,
+        Method.SECOND_ORDER: Mass.POLYNOMIAL,
+    }
+
+
 def test_a_sweep_leaves_out_what_the_body_file_would_refuse(tmp_path):
     everything = f"[sweep]\nmodes = [4]\nmethods = {json.dumps([method.value for method in Method])}\n"
     text = BEND.replace("tip", "wheel_left") + everything
