@@ -62,21 +62,24 @@ def test_leaving_modes_out_of_a_body_makes_the_body_of_so_many_modes(bodies, bas
     config = bodies.config(BEAM)
 
     def build(modes):
-        reduction = reduction_config(config, Reduction(basis, modes, 2), [Variant(Method.FRAMES_STIFFNESS)])
+        variants = [Variant(Method.FRAMES_STIFFNESS), Variant(Method.SECOND_ORDER, Mass.POLYNOMIAL)]
+        reduction = reduction_config(config, Reduction(basis, modes, 2), variants)
         table = reduction.reduction.model_copy(update={"inertia": True, "second_order": True, "membrane": False})
         return reduce_body(reduction.model_copy(update={"reduction": table}), Reporter())
 
     few, kept = build(4), subset(build(12), basis, 4)
     np.testing.assert_allclose(kept.angular_frequency, few.angular_frequency, rtol=1e-7)
     loads = {"tip": [500.0, 3e3, 1e3, 20.0, 30.0, 40.0]}
-    for variant in (
-        Variant(Method.FRAMES_STIFFNESS),
-        Variant(Method.FRAMES, Mass.CONFIGURATION),
-        Variant(Method.SECOND_ORDER),
+    for variant, agree in (
+        (Variant(Method.FRAMES_STIFFNESS), 1e-7),
+        (Variant(Method.FRAMES, Mass.CONFIGURATION), 1e-7),
+        (Variant(Method.SECOND_ORDER), 1e-7),
+        # Another basis keeps other combinations of the mass.
+        (Variant(Method.SECOND_ORDER, Mass.POLYNOMIAL), 1e-4),
     ):
         models = [FlexibleBody(body, variant.method, variant.mass) for body in (kept, few)]
         motions = [model.motion(model.step(model.static(loads), {"tip": [0.0, 1e3, 0.0]}, 1e-3)) for model in models]
-        np.testing.assert_allclose(*motions, rtol=1e-7, atol=1e-10)
+        np.testing.assert_allclose(*motions, rtol=agree, atol=1e-3 * agree)
 
 
 @pytest.mark.long

@@ -182,6 +182,8 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
     known = {one.attribute: (getattr(body, one.attribute), one.entries) for one in GROUPS if one.attribute in parts}
     changes = turned(body, [entry for entry in BODY if entry.shape != "m"], turn)
     changes |= {name: part and replace(part, **turned(part, entries, turn)) for name, (part, entries) in known.items()}
+    # Products that the mass leaves out are of the old coordinates: a trial goes without their watch.
+    changes["polynomial"] = body.polynomial and replace(changes["polynomial"], factor=None, further=None)
     return replace(
         body,
         angular_frequency=angular_frequency,
@@ -207,8 +209,7 @@ def pair_ends(angular_frequency: FloatArray) -> list[int]:
     -------
     list of int
     """
-    ends = np.flatnonzero(np.diff(angular_frequency) > _PAIR * angular_frequency[1:]) + 1
-    return [int(end) for end in ends]
+    return [int(end) + 1 for end in np.flatnonzero(np.diff(angular_frequency) > _PAIR * angular_frequency[1:])]
 
 
 _EQUILIBRIA = 3
