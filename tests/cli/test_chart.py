@@ -361,19 +361,24 @@ def test_half_of_the_models_find_the_front_of_all_of_them(demo):
 
 
 @pytest.mark.slow
-def test_a_body_is_packaged_once_for_all_its_methods(bent_beam, tmp_path, store, monkeypatch):
+def test_a_body_is_packaged_once_for_all_its_methods_of_one_mass(bent_beam, tmp_path, store, monkeypatch):
     packaged, plain = [], fmu_cost.package_fmu
     monkeypatch.setattr(fmu_cost, "package_fmu", lambda body, *a, **k: packaged.append(body) or plain(body, *a, **k))
-    variants = [FRAMES, Variant(Method.LINEAR)]
-    body = Workshop(bent_beam, Reporter(), store).build(Reduction(BasisChoice.NORMAL, 3, 1), variants).body
+    variants, turning = [FRAMES, Variant(Method.LINEAR)], Variant(Method.SECOND_ORDER, Mass.POLYNOMIAL)
+    workshop = Workshop(bent_beam, Reporter(), store)
+    body = workshop.build(Reduction(BasisChoice.NORMAL, 3, 1), [*variants, turning]).body
     with closing(FmuTimer(tmp_path)) as timer:
         for variant in variants:
             found = timer.times(body, bent_beam, 1e-3, variant, StepLimits())
             assert found["fmu_ratio"] == pytest.approx(found["fmu_us"] / found["empty_us"])
             assert found["empty_us"] > 0.0
-        assert len(packaged) == 1
+        assert [one.mass for one in packaged] == [Mass.CONSTANT]
         with pytest.raises(SimulationError, match="the FMU does not run"):
             timer.times(body, bent_beam, 1e-3, Variant(Method.FRAMES_STIFFNESS), StepLimits())
+        timer.times(body, bent_beam, 1e-3, FRAMES, StepLimits())
+        assert len(packaged) == 1
+        timer.times(body, bent_beam, 1e-3, turning, StepLimits())
+        assert [one.mass for one in packaged] == [Mass.CONSTANT, Mass.POLYNOMIAL]
         # It goes on after that.
         assert timer.times(body, bent_beam, 1e-3, FRAMES, StepLimits())["fmu_us"] > 0.0
 

@@ -1,12 +1,13 @@
 """What a step costs through the FMU, against an empty FMU of the same variables driven in turns with it.
 
-A body is packaged once for all methods whose data it holds: they are chosen by the FMU's parameter `method`. The FMUs
-live in one process beside this one (`fmu_worker`).
+A body is packaged once for all methods of one mass whose data it holds: they are chosen by the FMU's parameter
+`method`. The FMUs live in one process beside this one (`fmu_worker`).
 """
 
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from ..body.flexible_body import StepLimits
 from ..files.errors import SimulationError
 from ..files.workers import Worker, WorkerError
 from ..fmu.package import package_fmu
-from ..model.methods import Variant
+from ..model.methods import Mass, Variant
 from ..model.reduced_body import ReducedBody
 from ..program.variable_table import ACCELERATION, METHOD, STEP_LIMIT, STEP_TOLERANCE
 from .fmu_worker import answering, load, timed
@@ -61,7 +62,8 @@ class FmuTimer:
     def __init__(self, folder: Path):
         self._folder = folder
         self._empty: dict[tuple[str, ...], str] = {}
-        self._loaded: tuple[ReducedBody, str, str] | None = None
+        self._body: ReducedBody | None = None
+        self._loaded: dict[Mass, tuple[str, str]] = {}
         self._count = 0
         self._process: Worker | None = None
 
@@ -90,33 +92,30 @@ class FmuTimer:
         SimulationError
             One of them does not run.
         """
-        name, against = self._ready(body)
-        parameters: dict[str, float | str] = {
-            METHOD: variant.method.value,
-            STEP_LIMIT: limits.longest,
-            STEP_TOLERANCE: limits.tolerance,
-        }
+        parameters = {METHOD: variant.method.value, STEP_LIMIT: limits.longest, STEP_TOLERANCE: limits.tolerance}
         names = [*load_names(scene.names), *(f"{ACCELERATION}.{axis}" for axis in AXES)]
         rows = [{n: float(v) for n, v in zip(names, one.packed(True), strict=True) if v} for one in scene.timing_loads]
-        found = self._ask(timed, name, against, parameters, rows, step)
+        found = self._ask(timed, *self._ready(body, variant), parameters, rows, step)
         fmu, empty = found["fmu"], found["empty"]
         return {"fmu_us": 1e6 * fmu, "empty_us": 1e6 * empty, "fmu_ratio": fmu / empty, "fmu_busy": found["busy"]}
 
-    def _ready(self, body: ReducedBody) -> tuple[str, str]:
+    def _ready(self, body: ReducedBody, variant: Variant) -> tuple[str, str]:
         """Names of a body's FMU and of its empty companion in the process that runs them."""
-        if self._loaded is None or self._loaded[0] is not body:
+        if self._body is not body:
+            self._body, self._loaded = body, {}
+        if variant.mass not in self._loaded:
             self._count += 1
             name = f"body{self._count}"
             path = self._folder / f"{name}.fmu"
-            package_fmu(body, path, compressed=False)
+            package_fmu(replace(body, method=variant.method, mass=variant.mass), path, compressed=False)
             variables = fmpy.read_model_description(str(path)).modelVariables
             inputs = [v.name for v in variables if v.causality == "input"]
             outputs = [v.name for v in variables if v.causality == "output" and v.type == "Real"]
             against = self._empty_fmu(inputs, outputs)
             self._ask(load, name, str(path), False)
             path.unlink()
-            self._loaded = body, name, against
-        return self._loaded[1:]
+            self._loaded[variant.mass] = name, against
+        return self._loaded[variant.mass]
 
     def _empty_fmu(self, inputs: list[str], outputs: list[str]) -> str:
         names = (*inputs, "", *outputs)
@@ -147,7 +146,7 @@ class FmuTimer:
     def close(self) -> None:
         """End the process, and forget what was loaded in it."""
         process, self._process = self._process, None
-        self._loaded = None
+        self._body = None
         self._empty.clear()
         if process is not None:
             process.close()
