@@ -345,6 +345,56 @@ def test_init_takes_beams_with_a_corner_for_one_body(tmp_path):
     assert len(written["support"]) == len(written["interface"]) == 1
 
 
+def test_init_holds_no_long_side_of_an_arch_of_beams(tmp_path):
+    """All of an arch in one plane lies in the planes of its sides; its feet are aslant."""
+    angle = np.linspace(-1.0, 1.0, 21)
+    nodes = "".join(f"{i}, {np.sin(a):.9g}, 0, {np.cos(a):.9g}\n" for i, a in enumerate(angle, start=1))
+    cells = "".join(f"{k}, {2 * k - 1}, {2 * k}, {2 * k + 1}\n" for k in range(1, 11))
+    (tmp_path / "arch.inp").write_text(
+        f"*NODE\n{nodes}*ELEMENT, TYPE=B32, ELSET=ALL\n{cells}*MATERIAL, NAME=STEEL\n*ELASTIC\n2e11, 0.3\n*DENSITY\n"
+        "7850\n*BEAM SECTION, ELSET=ALL, MATERIAL=STEEL, SECTION=RECT\n0.02, 0.03\n0, 1, 0\n",
+        encoding="utf-8",
+    )
+    assert run("init", tmp_path / "arch.inp").exit_code == 0
+    written = tomllib.loads((tmp_path / "arch.toml").read_text(encoding="utf-8"))
+    (low, high) = np.array(written["support"][0]["nodes"]["box"])[:, 0]
+    assert low < -np.sin(1.0) < high < -0.8 * np.sin(1.0)
+    assert [table["name"] for table in written["interface"]] == ["x_max"]
+
+
+def test_init_takes_sets_whose_names_say_what_is_held(tmp_path):
+    """Other sets on the surface are interfaces, but those of whole elements, of joints, and beside what is held."""
+    mesh = box(ElementType.C3D8, (6, 2, 2), (0.6, 0.1, 0.1))
+    x, y, z = mesh.points.T
+    mesh = replace(mesh, node_sets={})
+    path = write_deck(mesh, tmp_path / "part.inp")
+    seam = (z == z.max()) & (y == 0.05) & (x > 0.15) & (x < 0.45)
+    sets = {"LOAD": x == x.max(), "SIDE": (y == y.max()) & (x > 0.3), "ALL": x > -1.0, "Clamped end": x == 0.0,
+            "BESIDE": (z == 0.0) & (x < 0.3), "SEAM": seam}  # fmt: skip
+    with path.open("a") as deck:
+        for name, chosen in sets.items():
+            deck.write(f"*NSET, NSET={name}\n" + "".join(f"{label},\n" for label in mesh.labels[chosen]))
+        first, *others = mesh.labels[sets["SEAM"]]
+        for other in others:
+            deck.write(f"*EQUATION\n2\n{other}, 1, 1., {first}, 1, -1.\n")
+    assert run("init", path).exit_code == 0
+    written = tomllib.loads(path.with_suffix(".toml").read_text(encoding="utf-8"))
+    assert [table["nodes"].upper() for table in written["support"]] == ["CLAMPED END"]
+    assert written["support"][0]["fix"] == ["x", "y", "z"]
+    assert [table["nodes"] for table in written["interface"]] == ["LOAD", "SIDE"]
+    path.with_suffix(".toml").unlink()
+    path.write_text(path.read_text().replace("Clamped end", "END"))
+    assert run("init", path).exit_code == 0
+    assert "plane = [0.0, 0.0, 0.0]" in path.with_suffix(".toml").read_text(encoding="utf-8")
+
+
+def test_no_length_that_is_told_is_round_off(tmp_path):
+    """The plate about its bore has its centre at zero; a plane end beside zero is at zero."""
+    told = run("check", write_deck(lug(ElementType.C3D10, turn=2.0 * np.pi), tmp_path / "lug.inp")).output
+    assert "centre of mass (0, 0, 0.005) m" in told
+    assert "e-1" not in told
+
+
 def test_init_refuses_a_mesh_in_parts_and_says_how_many(tmp_path):
     """Build would hold one of them alone."""
     apart = twice(lug(ElementType.C3D10), np.array([0.2, 0.0, 0.0]))

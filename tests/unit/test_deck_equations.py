@@ -79,6 +79,11 @@ def test_tied_nodes_are_moved_onto_their_face_and_move_as_its_place_does(tmp_pat
     assert sorted(found) == [(5, 1, -0.5625), (6, 1, -0.1875), (7, 1, -0.0625), (8, 1, -0.1875), (21, 1, 1.0)]
 
 
+def test_tied_nodes_that_lie_on_their_face_but_for_round_off_are_not_called_moved(tmp_path):
+    mesh = read(tmp_path, NODES + SECOND.replace("1.02", "1.0000000000000002") + BODY[len(NODES) :] + TIE)
+    assert any(note.endswith("4 nodes of 'Dependent' are tied to faces of 'Main'") for note in mesh.notes)
+
+
 def test_a_tie_without_adjustment_leaves_nodes_where_they_are_and_says_so(tmp_path):
     text = NODES + SECOND + BODY[len(NODES) :] + TIE.replace("*TIE", "*TIE, ADJUST=NO")
     mesh = read(tmp_path, text)

@@ -1,6 +1,7 @@
 """What a mesh offers to a body file: its sets, materials and reference points, plane ends and bores by place."""
 
 import contextlib
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from ..mesh.model import NO_MATERIAL, Mesh
 from ..reduction.model import KEYS, missing
 from ..reduction.options import Nodes, Place
 from ..reduction.places import node_set
+from ..reduction.subdomains import elements_within
 from ..reduction.surface import face_edges, face_normals, surface_nodes
 from .config import C_KEYWORDS, BodyFile
 
@@ -113,12 +115,19 @@ def _circle(flat: FloatArray) -> tuple[float, float, float]:
 
 
 _AXES = ("x", "y", "z")
+_Ends = tuple[list[tuple[str, str]], list[tuple[str, str]]]
 # Distance from a plane end of the body, over its longest side, of nodes that lie in it.
 _ON_END = 1e-6
 # How deep a round end is, over that side, and how far a box goes beyond its nodes, over that depth.
 _DEEP, _MARGIN = 0.05, 0.01
 # Sets of nodes that steps of a deck hold, or single-point constraints.
 _HELD = ("STEP ", "SPC ")
+# What names of sets say that are held.
+_FIXED = re.compile("fix|held|hold|clamp|root|ground|support|encast|foot|feet", re.IGNORECASE)
+# Share of a set's nodes in joints between parts from which it is such a joint.
+_JOINED = 0.5
+# How far a plane face of the body reaches along it, over the side across it, at most: else it is no end but a side.
+_SIDE = 3.0
 # Outer radius of an eye over its bore's, at most.
 _EYE = 2.5
 
@@ -145,7 +154,7 @@ def plane_ends(mesh: Mesh) -> dict[str, Place]:
             if not any(len(block) for block in select(faces, rows, outer=True)):
                 continue
             normal = [float(axis == other) for other in range(3)]
-            point = [float(value) if axis == other else 0.0 for other in range(3)]
+            point = [round(float(value), _DIGITS) + 0.0 if axis == other else 0.0 for other in range(3)]
             found.append((float(side[axis]), f"{name}_{end}", Place(plane=tuple(point), normal=tuple(normal))))
     # The sort is stable: of an axis the lower end comes first.
     return {name: place for _, name, place in sorted(found, key=lambda one: -one[0])}
@@ -301,14 +310,12 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
             "what does not belong to the body"
         )
     mesh = _in_units(mesh, units)
-    named, sets = ([(_name(name), f'"{name}"') for name in names] for names in (mesh.references, mesh.node_sets))
-    held, places = _ends_and_bores(mesh)
-    if not held:
-        first, *places = (sets[1:] and sets[:2]) or _round_ends(mesh)
-        held = [first]
-    interfaces = named or places or _round_ends(mesh)[1:]
+    held, places = _named_ends(mesh) or _ends_and_bores(mesh) or _round_ends(mesh)
+    named = [(_name(name), toml_value(name)) for name in mesh.references if _name(name) not in dict(held)]
+    interfaces = named or places or _round_ends(mesh)[1]
     lines = [f'name = "{_name(file.stem)}"', "", "[mesh]", f'file = "{file.as_posix()}"']
-    lines.append(f'units = "{units.value}"   # the mesh\'s own; others: {", ".join(u.value for u in UnitSystem)}')
+    others = ", ".join(one.value for one in UnitSystem if one is not units)
+    lines.append(f'units = "{units.value}"   # of the mesh; or: {others}')
     bare = any((block.material == NO_MATERIAL).any() for block in mesh.blocks)
     lacking = [key for key in KEYS if bare or any(key in missing(material) for material in mesh.materials)]
     if lacking:
@@ -320,18 +327,33 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
         lines += ["", f"[[support]]   # {name}", f"nodes = {nodes}", f"fix = {fix}"]
     for name, nodes in interfaces:
         lines += ["", "[[interface]]", f'name = "{name}"', f"nodes = {nodes}"]
-    every = ", ".join(mesh.node_sets) or "none"
-    return "\n".join([*lines, "", f"# node sets of the mesh: {every}", ""])
+    return "\n".join([*lines, "", f"# node sets of the mesh: {', '.join(mesh.node_sets) or 'none'}", ""])
 
 
-def _ends_and_bores(mesh: Mesh) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+def _named_ends(mesh: Mesh) -> _Ends | None:
+    """Sets on the surface whose names say that they are held, and others apart from these and from joints, by name."""
+    ends = {name: rows for name, rows in mesh.node_sets.items() if len(rows) and not elements_within(mesh, rows).size}
+    held = [name for name in ends if _FIXED.search(name)]
+    joined = [] if mesh.equations is None else mesh.equations.indices // 3
+    taken = [node for name in held for node in ends[name]]
+    apart = [name for name, rows in ends.items() if not np.isin(rows, taken).any()]
+    free = [name for name in apart if np.isin(ends[name], joined).mean() < _JOINED]
+    stepped = any(name.startswith(_HELD) for name in mesh.node_sets)
+    texts = [[(_name(name), toml_value(name)) for name in names] for names in (held, free)]
+    return (texts[0], texts[1]) if held and free and not stepped else None
+
+
+def _ends_and_bores(mesh: Mesh) -> _Ends | None:
     """What to hold, and interfaces that share no nodes with it, by name.
 
     What the first step that holds something holds; or a plane end, or the bores that it surrounds where it is no more
     than the ends of eyes. Then the other bores, or one plane end more.
     """
     holes = bores(mesh)
-    places = plane_ends(mesh) | holes
+    side, places = np.ptp(mesh.points, axis=0), plane_ends(mesh)
+    reach = {name: np.ptp(mesh.points[node_set(mesh, place, name)], axis=0).max() for name, place in places.items()}
+    ends = {name: place for name, place in places.items() if reach[name] <= _SIDE * (side @ place.normal)}
+    places = ends | holes
     rows = dict(mesh.node_sets) | {name: node_set(mesh, place, name) for name, place in places.items()}
     steps = [name for name in mesh.node_sets if name.startswith(_HELD)]
     held = [name for name in steps if name.split()[1] == steps[0].split()[1]] or list(places)[:1]
@@ -341,7 +363,7 @@ def _ends_and_bores(mesh: Mesh) -> tuple[list[tuple[str, str]], list[tuple[str, 
         held = eyes
     chosen = [name for name in apart if name in holes] or apart[:1]
     chosen_text = [(name, _toml(places[name]) if name in places else toml_value(name)) for name in held]
-    return chosen_text, [(name, _toml(places[name])) for name in chosen]
+    return (chosen_text, [(name, _toml(places[name])) for name in chosen]) if held else None
 
 
 def _of_eye(mesh: Mesh, rows: IntArray, bore: Place) -> FloatArray:
@@ -354,7 +376,7 @@ def _of_eye(mesh: Mesh, rows: IntArray, bore: Place) -> FloatArray:
     return np.asarray(away / bore.radius, dtype=np.float64)
 
 
-def _round_ends(mesh: Mesh) -> list[tuple[str, str]]:
+def _round_ends(mesh: Mesh) -> _Ends:
     """Boxes about the ends of the longest side, by name, of a body that has no plane one; about one of several tips."""
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     axis = int(np.argmax(high - low))
@@ -366,7 +388,7 @@ def _round_ends(mesh: Mesh) -> list[tuple[str, str]]:
         points = mesh.points[rows[tip == np.bincount(tip).argmax()]]
         box = [(points.min(axis=0) - _MARGIN * depth), (points.max(axis=0) + _MARGIN * depth)]
         found.append((f"{_AXES[axis]}_{end}", toml_value({"box": [corner.round(9).tolist() for corner in box]})))
-    return found
+    return [found[0]], [found[1]]
 
 
 def _name(text: str) -> str:
@@ -382,7 +404,7 @@ def _in_units(mesh: Mesh, units: UnitSystem) -> Mesh:
 
 
 def _point(place: FloatArray) -> str:
-    return "(" + ", ".join(f"{float(x):.5g}" for x in place) + ")"
+    return "(" + ", ".join(f"{x:.5g}" for x in place.round(_DIGITS) + 0.0) + ")"
 
 
 def _toml(place: Place) -> str:

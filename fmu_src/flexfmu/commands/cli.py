@@ -13,12 +13,7 @@ from .common import LOUDNESS, Loudness, ends_in_words
 COMMANDS = ("build", "pack", "info", "check", "init", "simulate", "view", "couple", "chart", "fit", "damping")
 """In the order of the help: each is a function in the module of its name, which imports what it needs when it runs."""
 
-_FLAGS = {
-    "-q": Loudness.QUIET,
-    "--quiet": Loudness.QUIET,
-    "-v": Loudness.VERBOSE,
-    "--verbose": Loudness.VERBOSE,
-}
+_FLAGS = {"-q": Loudness.QUIET, "--quiet": Loudness.QUIET, "-v": Loudness.VERBOSE, "--verbose": Loudness.VERBOSE}
 
 
 class _Commands(TyperGroup):

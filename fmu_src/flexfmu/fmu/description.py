@@ -55,13 +55,7 @@ def model_description(body: ReducedBody, guid: str, runtime: Runtime = Runtime.N
     """
     table = variable_table(body)
     native = runtime is Runtime.NATIVE
-    root = Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName=body.name,
-        guid=guid,
-        numberOfEventIndicators="0",
-    )
+    root = Element("fmiModelDescription", fmiVersion="2.0", modelName=body.name, guid=guid, numberOfEventIndicators="0")
     root.attrib.update(body_words(body))
     simulation = SubElement(
         root,

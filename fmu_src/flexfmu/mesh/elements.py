@@ -46,15 +46,7 @@ class ElementType(Enum):
     S3 = "S3", shapes.SHEET_3, shell_rule(shapes.TRIANGLE_3), shapes.wedge_rule(2, 2), False, False, True
     S4 = "S4", shapes.SHEET_4, shell_rule(shapes.RECTANGLE_4), shapes.brick_rule(2), False, False, True
     S6 = "S6", shapes.SHEET_6, shell_rule(shapes.TRIANGLE_6), shapes.wedge_rule(5, 2), False, False, True
-    S8 = (
-        "S8",
-        shapes.SHEET_9,
-        shell_rule(shapes.RECTANGLE_9),
-        prism_rule(rectangle_rule(), 2),
-        False,
-        False,
-        True,
-    )
+    S8 = ("S8", shapes.SHEET_9, shell_rule(shapes.RECTANGLE_9), prism_rule(rectangle_rule(), 2), False, False, True)
     B31 = "B31", shapes.BRICK_8, shapes.beam_rule(), shapes.brick_rule(2), False, False, False, True
 
     def __new__(cls, name: str, *_: object) -> "ElementType":

@@ -243,7 +243,7 @@ def springs_note(springs: Sequence[SpringDamper]) -> list[str]:
     """Lines on the springs of a file; none without them."""
     if not springs:
         return []
-    notes = [f"{len(springs)} springs and dampers: {listed(one.name for one in springs)}"]
+    notes = [f"springs and dampers ({len(springs)}): {listed(one.name for one in springs)}"]
     askew = [one.name for one in springs if one.askew]
     if askew:
         notes.append(

@@ -286,7 +286,7 @@ def _divided(config: BodyOptions, model: Model, report: Reporter, springs: Seque
 
 def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[Subdomain], report: Reporter) -> None:
     """Say what an interface is, and warn of what is hardly meant."""
-    carrier = f"frame {subdomains[interface.frame].name}" if interface.frame >= 0 else "no frame"
+    carrier = f"frame {subdomains[interface.frame].name!r}" if interface.frame >= 0 else "no frame"
     spread = "by area" if interface.by_area else "by node"
     count = f"{interface.nodes.size - interface.added.size} nodes"
     if interface.added.size:

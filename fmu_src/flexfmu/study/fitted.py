@@ -159,10 +159,7 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
     reduction = config.reduction
     chosen: dict[str, dict[str, Any]] = {
         "reduction": {"basis": reduction.basis.value, "modes": reduction.modes},
-        "formulation": {
-            "method": config.variant.method.value,
-            "mass": config.variant.mass.value,
-        },
+        "formulation": {"method": config.variant.method.value, "mass": config.variant.mass.value},
     }
     if reduction.basis is Basis.NORMAL:
         chosen["reduction"]["residual_flexibility"] = config.residual

@@ -18,6 +18,8 @@ TRANSLATIONS = 3
 _TEMPERATURE = {"0", "11"}
 # Nodes this close, over the body's size, are in one place.
 _SAME_PLACE = 1e-9
+# Of lengths that are told: the rest is round-off.
+_DIGITS = 12
 
 
 def equations(
@@ -288,7 +290,7 @@ class TieTable:
     def _moved(self, card: Card, place: Mapping[int, Mapping[int, float]]) -> str:
         """Move nodes onto their faces where the deck does not forbid it; what was done."""
         target = {node: sum(w * self.points[other] for other, w in weights.items()) for node, weights in place.items()}
-        gap = max(float(np.linalg.norm(self.points[node] - at)) for node, at in target.items())
+        gap = max(float(np.linalg.norm(self.points[node] - at).round(_DIGITS)) for node, at in target.items())
         if card.parameters.get("ADJUST", "YES").upper() == "NO":
             return f"; they lie up to {gap:.3g} beside them, ADJUST=NO: the joint resists turning" if gap else ""
         for node, at in target.items():

@@ -274,8 +274,8 @@ def single_point_sets(model: Any, notes: list[str]) -> dict[str, list[int]]:
             sets.setdefault(f"SPC {number}", []).extend(getattr(card, "nodes", ()))
     sets["SPC 0"] = [label for label, grid in model.nodes.items() if set(str(grid.ps)) & set(_TRANSLATIONS)]
     for name in (one for one in sets if sets[one]):
-        hinge = " at them alone, so that beams turn there" if name in hinges(model) else ""
-        notes.append(f"{name}: its nodes are a node set, and it holds nothing: give a [[support]]{hinge}")
+        hinge = " and no others, so that ends of beams may turn" if name in hinges(model) else ""
+        notes.append(f"{name} is a node set and holds nothing by itself: give a [[support]] of its nodes{hinge}")
     return sets
 
 
