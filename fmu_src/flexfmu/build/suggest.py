@@ -122,7 +122,7 @@ _ON_END = 1e-6
 _DEEP, _MARGIN = 0.05, 0.01
 # Sets of nodes that steps of a deck hold, or single-point constraints.
 _HELD = ("STEP ", "SPC ")
-# What names of sets say that are held.
+# Words in the names of sets that are held.
 _FIXED = re.compile("fix|held|hold|clamp|root|ground|support|encast|foot|feet", re.IGNORECASE)
 # Share of a set's nodes in joints between parts from which it is such a joint.
 _JOINED = 0.5
