@@ -142,6 +142,24 @@ class Tab:
 
     held = False
 
+    def place(self):
+        """Where the last interface of a live body is on the screen, px."""
+        # Drawn anew first: the tools above may just have changed the picture's size.
+        return self.value(
+            "new Promise(then => requestAnimationFrame(() => requestAnimationFrame(then))).then(() => {"
+            " const r = area.getBoundingClientRect(), s = screen(live.ends.at(-1), r.width, r.height);"
+            " return [r.left + s[0], r.top + s[1]]; })"
+        )
+
+    def pull(self, right, up, moves=1):
+        """Take the last interface of a live body with the pointer and pull it, px; where the pointer is then."""
+        x, y = self.place()
+        self.pointer("mousePressed", x, y)
+        assert self.value("live.pull !== null || live.refused !== ''"), "the pointer missed the interface"
+        for k in range(1, moves + 1):
+            self.pointer("mouseMoved", x + right * k / moves, y - up * k / moves)
+        return x + right, y - up
+
     def picture(self, path):
         """Draw the page to a file."""
         path.write_bytes(base64.b64decode(self.ask("Page.captureScreenshot")["data"]))

@@ -42,24 +42,6 @@ def opened(page, width, dark):
     return tab
 
 
-def place(tab):
-    """Where the last interface is on the screen, px."""
-    # Drawn anew first: the window may just have changed.
-    return tab.value(
-        "new Promise(then => requestAnimationFrame(() => requestAnimationFrame(then))).then(() => {"
-        " const r = area.getBoundingClientRect(), s = screen(live.ends.at(-1), r.width, r.height);"
-        " return [r.left + s[0], r.top + s[1]]; })"
-    )
-
-
-def pull(tab, right, up):
-    """Take the last interface with the pointer and pull, px."""
-    x, y = place(tab)
-    tab.pointer("mousePressed", x, y)
-    tab.pointer("mouseMoved", x + right, y - up)
-    return x + right, y - up
-
-
 @pytest.mark.slow
 @WIDTHS
 def test_the_page_of_the_docs_opens_and_answers(width, dark):
@@ -69,7 +51,7 @@ def test_the_page_of_the_docs_opens_and_answers(width, dark):
         # The supports are shown, and no pointer takes them.
         assert tab.value("DATA.marks.map(mark => mark.kind)") == ["interface", "support"]
         assert tab.value("live.markNow.length - live.ends.length") == 1
-        pull(tab, 10, -60)
+        tab.pull(10, -60)
         tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.01 && live.load && live.error !== null")
         assert not tab.value("$('bar').hidden")
         # The estimate and its bound stand beside each other, each by its name.
@@ -83,7 +65,7 @@ def test_the_page_of_the_docs_opens_and_answers(width, dark):
 def test_a_leaf_of_shells_bends(tmp_path_factory, width, dark):
     browser()
     with opened(written("leaf", tmp_path_factory.getbasetemp()), width, dark) as tab:
-        x, y = pull(tab, -80, 80)
+        x, y = tab.pull(-80, 80)
         tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.03")
         tab.until("live.error < 0.01")
         tab.pointer("mouseReleased", x, y)
@@ -97,7 +79,7 @@ def test_a_finger_pulls_and_colours_show_stress_and_error(tmp_path_factory, widt
     with opened(written("leaf", tmp_path_factory.getbasetemp()), width, dark) as tab:
         tab.ask("Emulation.setTouchEmulationEnabled", enabled=True)
         tab.until("matchMedia('(pointer: coarse)').matches")
-        x, y = place(tab)
+        x, y = tab.place()
         tab.ask("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
         tab.ask("Input.dispatchTouchEvent", type="touchMove", touchPoints=[{"x": x - 80, "y": y - 80}])
         tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.03")
@@ -127,7 +109,7 @@ def test_a_free_bar_tumbles_and_the_camera_goes_with_it(tmp_path_factory, width,
     browser()
     with opened(written("bar", tmp_path_factory.getbasetemp()), width, dark) as tab:
         begin = tab.value("centre")
-        x, y = pull(tab, 0, 60 + 0.15 * width)
+        x, y = tab.pull(0, 60 + 0.15 * width)
         tab.until("Math.abs(live.motion[11]) > 0.3")
         tab.pointer("mouseReleased", x, y)
         tab.until("Math.abs(live.motion[11]) > 1.5")
@@ -141,7 +123,7 @@ def test_an_arch_refuses_to_snap_and_says_that_its_load_is_critical(tmp_path_fac
     browser()
     with opened(written("arch", tmp_path_factory.getbasetemp()), width, dark) as tab:
         # Pressed bit by bit, until it has nothing to say against the load but that.
-        x, y = pull(tab, 0, 0)
+        x, y = tab.pull(0, 0)
         for _ in range(400):
             y += 0.25 if width < 500 else 0.75
             tab.pointer("mouseMoved", x, y)

@@ -103,22 +103,6 @@ def test_the_core_of_the_page_gives_the_outputs_of_the_native_one(bar, tmp_path)
     assert np.abs(moved - expected[-1, :3]).max() < 1e-2 * np.abs(expected[-1, :3]).max()
 
 
-def tip(tab):
-    """Where the tip is on the screen."""
-    return tab.value(
-        "(() => { const r = area.getBoundingClientRect(), s = screen(live.markNow[0], r.width, r.height);"
-        " return [r.left + s[0], r.top + s[1]]; })()"
-    )
-
-
-def pull(tab, right, up):
-    x, y = tip(tab)
-    tab.pointer("mousePressed", x, y)
-    for k in range(1, 6):
-        tab.pointer("mouseMoved", x + right * k / 5, y - up * k / 5)
-    return x + right, y - up
-
-
 @pytest.mark.parametrize(("width", "dark"), [(1400, False), (400, True)])
 def test_a_pull_with_the_pointer_bends_the_body(bar, tmp_path, width, dark):
     browser()
@@ -129,7 +113,7 @@ def test_a_pull_with_the_pointer_bends_the_body(bar, tmp_path, width, dark):
     with Tab(page, width, 800, dark) as tab:
         tab.until("document.body.dataset.live === 'yes'")
         assert tab.value("live.body.time") == 0.0
-        x, y = pull(tab, -10, 200)
+        x, y = tab.pull(-10, 200, moves=5)
         tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.02")
         # The load points from the tip to the pointer, in the plane of the screen.
         tab.until("live.load && Math.hypot(...live.load) > 100")
@@ -173,7 +157,7 @@ def test_a_body_that_refuses_says_so_and_goes_on(bar):
     with Tab(bar[1]) as tab:
         tab.until("document.body.dataset.live === 'yes'")
         tab.value("live.interfaces[0].stiffness *= 1e6")
-        x, y = pull(tab, 0, 300)
+        x, y = tab.pull(0, 300)
         tab.until("live.refused !== ''")
         assert "bend" in tab.value("live.refused") or "step" in tab.value("live.refused")
         assert not tab.value("$('refused').hidden")
@@ -182,6 +166,6 @@ def test_a_body_that_refuses_says_so_and_goes_on(bar):
         tab.value("$('refused').querySelector('button').click()")
         tab.until("$('refused').hidden && live.body.time === 0")
         tab.value("live.interfaces[0].stiffness /= 1e6")
-        pull(tab, 0, 150)
+        tab.pull(0, 150)
         tab.until("Math.hypot(...live.motion.slice(0, 3)) > 0.01")
         assert tab.said == []
