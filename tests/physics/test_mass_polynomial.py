@@ -5,9 +5,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from benchmarks.defaults.bodies import angle
 
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
+from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FormulationTable, OutputTable
 from flexfmu.files.progress import Reporter
@@ -128,6 +130,26 @@ def test_two_frames_follow_the_sudden_load_of_calculix(built, body):
         errors[mass] = 100.0 * relative(np.array(found), expected)
     assert errors[Mass.CONSTANT] > constant
     assert errors[Mass.POLYNOMIAL] < most
+
+
+@pytest.mark.slow
+def test_slow_motion_is_right_beside_stiff_modes_whose_mass_changes_by_many_times(tmp_path):
+    """A thin-walled angle: 45 combinations count by the mass, 40 by the largest, the others slow ones of 4 %."""
+    config = read_body_file(angle().write(tmp_path))
+    changes = {
+        "reduction": config.reduction.model_copy(update={"inertia": True}),
+        "output": OutputTable(surface=False, error=False),
+    }
+    found = reduce_body(config.model_copy(update=changes), Reporter())
+    step, paths = 0.04 * np.pi / found.angular_frequency[0], []
+    for mass in (Mass.POLYNOMIAL, Mass.CONFIGURATION):
+        one = of(replace(found, damping_ratio=np.zeros(found.mode_count)), mass, StepLimits(0.0, 1e-5))
+        state, path = one.rest(), []
+        for _ in range(60):
+            state = one.step(state, {"tip": [0.0, 250.0, 250.0]}, step)
+            path.append(one.response(state).displacement[0])
+        paths.append(np.array(path))
+    assert relative(*paths) < 1e-3
 
 
 @pytest.mark.slow
