@@ -10,6 +10,7 @@ from benchmarks.defaults.body import Body, above, below, both, end, near
 from benchmarks.defaults.branched import BRANCHED
 from benchmarks.defaults.fresh import FRESH
 from benchmarks.defaults.shapes import FloatArray, bar, constant, cylindrical, moved
+from benchmarks.defaults.third import THIRD
 from benchmarks.defaults.unseen import UNSEEN
 
 
@@ -58,5 +59,9 @@ def half_cylinder() -> Body:
 
 
 PUBLISHED = (twisted_cantilever, slit_annulus, half_cylinder)
-ALL = GROUPS | BRANCHED | {"published": PUBLISHED, "blind trial": UNSEEN, "second blind trial": FRESH}
+ALL = (
+    GROUPS
+    | BRANCHED
+    | {"published": PUBLISHED, "blind trial": UNSEEN, "second blind trial": FRESH, "third blind trial": THIRD}
+)
 EVERY = tuple(make for group in ALL.values() for make in group)

@@ -3,6 +3,7 @@
 import io
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.membrane import Membrane
 from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction import membrane
-from flexfmu.reduction.membrane import _FLAT, _LARGE, _NOTHING, _SHELL
+from flexfmu.reduction.membrane import _FLAT, _LARGE, _NOTHING, _SHELL, Stretching
 from flexfmu.study.scene.reference import errors, references
 from references import BEAM, DEMO, L_FRAME, calculix, relative
 from scene_tools import scene_of
@@ -303,3 +304,17 @@ def test_limits_lie_between_bodies_that_need_it_and_those_that_do_not(reduced):
     assert _LARGE == 3.3
     assert not np.any(reduced(PLATE).membrane.linear)
     assert not np.any(reduced(CLAMPED).membrane.linear)
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "unknowns", "expected"), [(50, 1000, 50), (70, 1000, 60), (70, 30_000, 44), (70, 10**6, 36)]
+)
+def test_of_many_coordinates_so_many_directions_are_paired_as_the_mesh_allows(coordinates, unknowns, expected):
+    """Orthonormal ones; those that motions make largest are among them."""
+    motions = np.eye(coordinates)[:8] * np.arange(1.0, 9.0)[:, None]
+    body = Stretching(SimpleNamespace(supported=SimpleNamespace(free=np.arange(unknowns))), None, None)
+    body.__dict__.update(_omega=np.ones(coordinates), _spin=np.eye(coordinates), motions=motions)
+    found = body._directions
+    assert found.shape == (coordinates, expected)
+    np.testing.assert_allclose(found.T @ found, np.eye(expected), atol=1e-12)
+    np.testing.assert_allclose(found @ (found.T @ motions.T), motions.T, atol=1e-12)

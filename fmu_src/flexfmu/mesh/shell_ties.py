@@ -36,10 +36,7 @@ OfShell = ShellTie | EdgeTie
 
 
 def tie_rows(
-    ties: Sequence[OfShell],
-    points: FloatArray,
-    own: Callable[[int], IntArray],
-    lines: Callable[[int], IntArray],
+    ties: Sequence[OfShell], points: FloatArray, own: Callable[[int], IntArray], lines: Callable[[int], IntArray]
 ) -> list[dict[int, float]]:
     """Equations by which points are carried.
 

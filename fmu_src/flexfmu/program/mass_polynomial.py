@@ -25,8 +25,8 @@ from .mechanics import Turning, inertial_modes, turning_of
 # Turns of frames in the differences of first, second and third order, rad, or displacement over the body's size: their
 # error is its square, and round-off over its power.
 _TURN = (1e-3, 1e-3, 2e-2)
-# Turn at which orders are weighed against each other, rad; share of the largest combination, and of the mass, below which
-# one is left out, and of both together below which a product beyond pairs of slow coordinates is.
+# Turn at which orders are weighed against each other, rad; share of the largest combination, and of the mass, below
+# which one is left out, and of both together below which a product beyond pairs of slow coordinates is.
 _WEIGHED, _SMALL, _SMALL_PRODUCT = 0.3, 3e-3, 1e-3
 # Coordinates that products of three are made of, and the last stiff one that goes with a slow one.
 _CUBED, _CROSSED = 8, 30
@@ -77,7 +77,7 @@ def _of_part(body: ReducedBody) -> MassPolynomial | None:
     sizes = np.sqrt(alike) * [prod(coordinate[list(one)]) for one in known + further]
     table, plain = mass[:, first, second].T * sizes * rates[:, None], len(known)
     # A stiff mode's mass may change by many times itself; the slow ones' counts beside it.
-    kept = np.linalg.norm(table, axis=0) > _SMALL_PRODUCT * min(1.0, np.linalg.norm(table[:, :plain], 2))
+    kept = np.linalg.norm(table, axis=0) > _SMALL_PRODUCT * min(1.0, float(np.linalg.norm(table[:, :plain], 2)))
     kept |= np.arange(kept.size) < plain
     forms, strength, values = np.linalg.svd(table[:, kept], full_matrices=False)
     if not strength[0] > 0.0:

@@ -1,0 +1,67 @@
+"""Two bodies of a third blind trial, whose many interfaces need more pairs of motions than others."""
+
+from __future__ import annotations
+
+import numpy as np
+from demo.mesh_tools import BrickMesh, Material, box_mesh
+
+from benchmarks.defaults.bodies import PLASTIC
+from benchmarks.defaults.body import Body, about, below, both, either, near
+from benchmarks.defaults.shapes import FloatArray, kept, lines
+
+_ALUMINIUM = Material("ALUMINIUM", 7e10, 0.33, 2700.0)
+
+
+def trivet() -> Body:
+    """Thin plate on three small feet, with six tabs, each an interface."""
+    y = lines((-0.045, -0.015, 6), (-0.015, 0.015, 4), (0.015, 0.045, 6))
+    full = box_mesh(lines((-0.06, -0.02, 5), (-0.02, 0.02, 4), (0.02, 0.06, 5)), y, lines((0.0, 0.002, 1)))
+    sides = both(about(0, [-0.04, 0.04], 0.02 + 1e-9), about(1, [-0.03, 0.03], 0.0051))
+    mesh = kept(
+        full, either(sides, either(both(about(0, [0.0], 0.0201), about(1, [0.0], 0.0451)), about(1, [0.0], 0.0151)))
+    )
+    feet = np.array([[0.0, -0.045, 0.0], [-0.02, 0.015, 0.0], [0.02, 0.015, 0.0]])
+    ends = {
+        f"tab{k}": both(near(0, 0.06 * x), about(1, [0.03 * y], 0.0051))
+        for k, (x, y) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)])
+    }
+    ends |= {name: both(near(0, x), about(1, [0.0], 0.0151)) for name, x in (("west", -0.06), ("east", 0.06))}
+    cases = {
+        "all": dict.fromkeys(ends, (0.0, 0.0, 417.0)) | dict.fromkeys(("west", "east"), (0.0, 0.0, 156.0)),
+        "one": {"west": (0.0, 0.0, 1510.0)},
+        "pair": {"west": (0.0, 0.0, 1510.0), "east": (0.0, 0.0, -1510.0)},
+    }
+
+    def held(points: FloatArray) -> FloatArray:
+        away = np.abs(points[:, None, :] - feet).max(axis=2).min(axis=1)
+        return (away < 0.0051) & (points[:, 2] < 1e-9)
+
+    return Body("trivet", mesh, held, ends, cases, _ALUMINIUM)
+
+
+def pergola() -> Body:
+    """Stiff arc of aluminium that carries seven fingers of plastic, bent up and down in turn."""
+    at = 0.13 + 0.4 * np.arange(7)
+    runs = [(0.0, 0.1, 2), *((a - 0.03, a + 0.03, 1) for a in at), *((a + 0.03, a + 0.37, 4) for a in at[:-1])]
+    grid = box_mesh(lines((0.05, 0.056, 2), (0.056, 0.1, 6)), lines(*runs), lines((-0.003, 0.003, 2)))
+    flat = kept(grid, either(below(0, 0.056), about(1, at, 0.03)))
+    r, turn, z = flat.points.T
+    out = np.maximum(r - 0.056, 0.0)
+    up = np.where(np.round((turn - 0.13) / 0.4) % 2 == 0, 1.0, -1.0)
+    places = np.stack([r * np.cos(turn), r * np.sin(turn), z * (1.0 - 8.0 * out) + 6.0 * up * out**2], axis=1)
+
+    def chosen(rows: FloatArray) -> FloatArray:
+        return lambda _: rows
+
+    ends = {f"finger{k}": chosen(np.isclose(r, 0.1) & (abs(turn - a) < 0.031)) for k, a in enumerate(at)}
+    cases = {
+        "all": dict.fromkeys(ends, (0.0, 0.0, 73.5)),
+        "combed": {f"finger{k}": (56.1 * (-1.0) ** k, 44.9 * (-1.0) ** (k // 2), 0.0) for k in range(7)},
+        "one": {"finger2": (45.4, -45.4, 45.4)},
+    }
+    plastic = lambda p: np.hypot(p[:, 0], p[:, 1]) > 0.056  # noqa: E731
+    mesh = BrickMesh(places.round(12), flat.bricks)
+    return Body("pergola", mesh, chosen(turn < 1e-9), ends, cases, _ALUMINIUM, (PLASTIC, plastic))
+
+
+THIRD = (trivet, pergola)
