@@ -150,12 +150,12 @@ def exports() -> str:
 
 def modal_file() -> str:
     """Table of the datasets of a modal file."""
-    from flexfmu.model import arrays
+    from flexfmu.model.arrays import ARRAYS
     from flexfmu.model.reduced_body import GROUPS
 
-    entries = [*arrays.BODY, *(entry for part in GROUPS for entry in part.entries)]
+    entries = [*ARRAYS["body"], *(entry for part in GROUPS for entry in part.entries)]
     rows = [f"| `{entry.path}` | {entry.unit} | {entry.description} |" for entry in entries]
-    rows += [f"| `stress/NNN_NAME/{entry.path}` | {entry.unit} | {entry.description} |" for entry in arrays.STRESS]
+    rows += [f"| `stress/NNN_NAME/{entry.path}` | {entry.unit} | {entry.description} |" for entry in ARRAYS["stress"]]
     return "\n".join(["| dataset | unit | shape, meaning |", "|---|---|---|", *rows])
 
 

@@ -21,7 +21,7 @@ from flexfmu.build.config import BodyFile
 from flexfmu.commands.cli import app
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master.config import CouplingFile
-from flexfmu.model.arrays import BODY as BODY_ARRAYS
+from flexfmu.model.arrays import ARRAYS
 from flexfmu.model.reduced_body import GROUPS
 from flexfmu.study.scene.config import SceneFile
 from references import BEAM
@@ -218,7 +218,7 @@ def test_toml_of_the_pages_is_valid():
 
 def test_the_site_lists_every_dataset_and_every_option():
     datasets, commands_page = (filled(PAGES[f"reference/{name}.md"]) for name in ("modal-file", "commands"))
-    for entry in (*BODY_ARRAYS, *(entry for part in GROUPS for entry in part.entries)):
+    for entry in (*ARRAYS["body"], *(entry for part in GROUPS for entry in part.entries)):
         assert f"`{entry.path}`" in datasets, entry.path
     for name, command in typer.main.get_command(app).commands.items():
         assert f"`flexfmu {name}`" in commands_page

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from bodies import LINEAR, beam_body, random_body, unsealed, with_second_order
-from flexfmu.model.arrays import BODY, STRESS
+from flexfmu.model.arrays import ARRAYS
 from flexfmu.model.errors import ModalFileError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import SCHEMA_VERSION, read_modal_file, write_modal_file
@@ -340,8 +340,8 @@ def with_parts():
         return rng.integers(0, s, shape) if entry.kind is int else np.abs(rng.standard_normal(shape))
 
     parts = {part.attribute: part.kind(**{e.name: made(e) for e in part.entries}) for part in GROUPS}
-    optional = {entry.name: made(entry) for entry in BODY if entry.optional}
-    stresses = tuple(StressSet(name, *(made(entry) for entry in STRESS)) for name in ("a", "b"))
+    optional = {entry.name: made(entry) for entry in ARRAYS["body"] if entry.optional}
+    stresses = tuple(StressSet(name, *(made(entry) for entry in ARRAYS["stress"])) for name in ("a", "b"))
     return replace(body, stress_sets=stresses, method=Method.FRAMES, mass=Mass.CONFIGURATION, **parts, **optional)
 
 
@@ -360,8 +360,8 @@ def test_every_part_comes_back_bit_by_bit_and_cannot_be_written_to(tmp_path):
         assert before.name == after.name
         np.testing.assert_array_equal(before.stress, after.stress)
     found = datasets(tmp_path / "body.h5")
-    listed = [entry.path for entry in BODY] + [entry.path for part in GROUPS for entry in part.entries]
-    assert set(found) == {*listed, *(f"stress/00{k}_{'ab'[k]}/{e.path}" for k in range(2) for e in STRESS)}
+    listed = [entry.path for entry in ARRAYS["body"]] + [entry.path for part in GROUPS for entry in part.entries]
+    assert set(found) == {*listed, *(f"stress/00{k}_{'ab'[k]}/{e.path}" for k in range(2) for e in ARRAYS["stress"])}
 
 
 @pytest.mark.parametrize("part", GROUPS, ids=lambda part: part.attribute)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..files.array_types import FloatArray
-from .arrays import BODY, MASSES, WHOLE, turned
+from .arrays import ARRAYS, turned
 from .curvature import from_ground
 from .errors import OptionError
 from .inertia import without_frames
@@ -57,8 +57,8 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     # Each ratio by its share of the strain energy: one ratio for all modes stays what it is.
     share = turn**2 * body.angular_frequency[:, None] ** 2 / squares
     gone = int(body.floating)
-    shapes = turned(body, [entry for entry in BODY if entry.shape != "m"], turn)
-    of_frames = {entry.name: getattr(body, entry.name) for entry in BODY if entry.shape.split()[0] == "S"}
+    shapes = turned(body, [entry for entry in ARRAYS["body"] if entry.shape != "m"], turn)
+    of_frames = {entry.name: getattr(body, entry.name) for entry in ARRAYS["body"] if entry.shape.split()[0] == "S"}
     kept = {name: shapes.get(name, value)[gone:] for name, value in of_frames.items()}
     kept["frame_parent"] = np.maximum(kept["frame_parent"] - gone, GROUND)
     return replace(
@@ -114,9 +114,11 @@ def _parts_fixed(body: ReducedBody, turn: FloatArray, squares: FloatArray) -> di
     gone = int(body.floating)
     whole, masses, surface, inertia, second = body.whole, body.masses, body.surface, body.inertia, body.second
     if whole is not None:
-        whole = replace(whole, **turned(whole, WHOLE, turn))
+        whole = replace(whole, **turned(whole, ARRAYS["whole"], turn))
     if masses is not None:
-        masses = replace(masses, **turned(masses, MASSES, turn), frame=np.maximum(masses.frame - gone, GROUND))
+        masses = replace(
+            masses, **turned(masses, ARRAYS["masses"], turn), frame=np.maximum(masses.frame - gone, GROUND)
+        )
     if surface is not None:
         surface = _surface_fixed(body, surface, turn, gone)
     if inertia is not None:

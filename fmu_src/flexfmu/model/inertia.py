@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
-from .arrays import INERTIA, POLYNOMIAL, settle
+from .arrays import ARRAYS, settle
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class LumpedMass:
         ModalFileError
             Naming the array that is wrong, and how.
         """
-        settle(self, INERTIA, {"m": self.displacement.shape[-1], "S": len(self.turning)}, "inertia")
+        settle(self, ARRAYS["inertia"], {"m": self.displacement.shape[-1], "S": len(self.turning)}, "inertia")
 
     def at_rest(self, frame_rotation: FloatArray) -> FloatArray:
         """Share of lumps and frames in the modal mass (m, m) at q = 0; `frame_rotation` is (S, 3, m)."""
@@ -103,7 +103,7 @@ class MassPolynomial:
         ModalFileError
             Naming the array that is wrong, and how.
         """
-        settle(self, POLYNOMIAL, {"m": self.linear.shape[-1]}, "polynomial")
+        settle(self, ARRAYS["polynomial"], {"m": self.linear.shape[-1]}, "polynomial")
 
 
 def without_frames(inertia: LumpedMass, turn: FloatArray, gone: int) -> LumpedMass:

@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from .arrays import BODY, SHADOW, STRESS, Entry
+from .arrays import ARRAYS, Entry
 from .errors import ModalFileError
 from .methods import Mass, Method
 from .reduced_body import GROUPS, ReducedBody, Shadow, StressSet
@@ -28,18 +28,21 @@ FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation
 
 def _datasets(body: ReducedBody) -> Iterator[tuple[str, Entry, Any]]:
     """Path, table's row and value of everything that a body holds, in a fixed order."""
-    for holder, entries in [(body, BODY), *((getattr(body, part.attribute), part.entries) for part in GROUPS)]:
+    for holder, entries in [
+        (body, ARRAYS["body"]),
+        *((getattr(body, part.attribute), part.entries) for part in GROUPS),
+    ]:
         for entry in entries if holder is not None else ():
             value = getattr(holder, entry.name)
             if value is not None:
                 yield entry.path, entry, value
     if body.shadow is not None:
-        for entry in SHADOW:
+        for entry in ARRAYS["shadow"]:
             yield entry.path, entry, getattr(body.shadow, entry.name)
         for path, entry, value in _datasets(body.shadow.body):
             yield f"shadow/{path}", replace(entry, single=entry.single or path.startswith(_SINGLE)), value
     for number, stresses in enumerate(body.stress_sets):
-        for entry in STRESS:
+        for entry in ARRAYS["stress"]:
             yield f"stress/{number:03d}_{stresses.name}/{entry.path}", entry, getattr(stresses, entry.name)
 
 
@@ -207,7 +210,7 @@ def _read(file: Any, name: str) -> ReducedBody:
         tolerance=float(file.attrs["tolerance"]) if "tolerance" in file.attrs else None,
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
         stress_sets=tuple(
-            StressSet(key.partition("_")[2], **_read_entries(group, STRESS))
+            StressSet(key.partition("_")[2], **_read_entries(group, ARRAYS["stress"]))
             for key, group in sorted(file.get("stress", {}).items())
         ),
     )
@@ -218,12 +221,12 @@ def _read(file: Any, name: str) -> ReducedBody:
 
 def _read_body(group: Any, attributes: Any) -> ReducedBody:
     """The arrays of a body, and of the shadow in its group, which is used as the body is."""
-    contents = _read_entries(group, BODY)
+    contents = _read_entries(group, ARRAYS["body"])
     contents |= {
         one.attribute: one.kind(**_read_entries(group, one.entries)) for one in GROUPS if one.attribute in group
     }
     if "shadow" in group:
-        contents["shadow"] = Shadow(_read_body(group["shadow"], attributes), **_read_entries(group, SHADOW))
+        contents["shadow"] = Shadow(_read_body(group["shadow"], attributes), **_read_entries(group, ARRAYS["shadow"]))
     return ReducedBody(
         **contents,
         name=str(attributes["name"]),

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
-from . import arrays
-from .arrays import Entry, in_single, settle
+from .arrays import ARRAYS, Entry, in_single, settle
 from .errors import ModalFileError
 from .inertia import LumpedMass, MassPolynomial
 from .membrane import Membrane
@@ -338,15 +337,15 @@ class ReducedBody:
         sizes["L"] = 6 * sizes["I"] + (0 if self.masses is None else 3)
         sizes["K"] = sizes["S"] + sizes["I"] + (0 if self.masses is None else np.size(self.masses.mass))
         sizes["K"] += 0 if self.ties is None else 2 * len(self.ties.stiffness)
-        settle(self, arrays.BODY, sizes)
+        settle(self, ARRAYS["body"], sizes)
         for part in GROUPS:
             value = getattr(self, part.attribute)
             if value is not None:
                 settle(value, part.entries, sizes, part.attribute)
         for stresses in self.stress_sets:
-            settle(stresses, arrays.STRESS, sizes, f"stress set {stresses.name!r}")
+            settle(stresses, ARRAYS["stress"], sizes, f"stress set {stresses.name!r}")
         if self.shadow is not None:
-            settle(self.shadow, arrays.SHADOW, {"m": sizes["m"], "M": self.shadow.body.mode_count}, "shadow")
+            settle(self.shadow, ARRAYS["shadow"], {"m": sizes["m"], "M": self.shadow.body.mode_count}, "shadow")
         self._check_physics()
 
     def _check_physics(self) -> None:
@@ -470,14 +469,14 @@ class Group:
 
 
 GROUPS = (
-    Group("whole", WholeFrame, arrays.WHOLE),
-    Group("masses", Masses, arrays.MASSES),
-    Group("inertia", LumpedMass, arrays.INERTIA),
-    Group("polynomial", MassPolynomial, arrays.POLYNOMIAL),
-    Group("ties", Ties, arrays.TIES),
-    Group("second", SecondOrder, arrays.SECOND),
-    Group("membrane", Membrane, arrays.MEMBRANE),
-    Group("properties", Properties, arrays.PROPERTIES),
-    Group("surface", Surface, arrays.SURFACE),
+    Group("whole", WholeFrame, ARRAYS["whole"]),
+    Group("masses", Masses, ARRAYS["masses"]),
+    Group("inertia", LumpedMass, ARRAYS["inertia"]),
+    Group("polynomial", MassPolynomial, ARRAYS["polynomial"]),
+    Group("ties", Ties, ARRAYS["ties"]),
+    Group("second", SecondOrder, ARRAYS["second"]),
+    Group("membrane", Membrane, ARRAYS["membrane"]),
+    Group("properties", Properties, ARRAYS["properties"]),
+    Group("surface", Surface, ARRAYS["surface"]),
 )
 """Those that are there only where a body was built with them; stress sets have a group each."""

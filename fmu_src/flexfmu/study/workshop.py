@@ -23,7 +23,7 @@ from ..files.array_types import FloatArray
 from ..files.errors import FlexfmuError
 from ..files.progress import Reporter
 from ..files.store import REUSED, Store
-from ..model.arrays import BODY, STRESS, turned
+from ..model.arrays import ARRAYS, turned
 from ..model.errors import RuntimeBodyError
 from ..model.methods import Mass, Variant
 from ..model.reduced_body import GROUPS, ReducedBody
@@ -180,7 +180,7 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
     """
     parts = ("whole", "masses", "ties", "inertia", "polynomial", "second")
     known = {one.attribute: (getattr(body, one.attribute), one.entries) for one in GROUPS if one.attribute in parts}
-    changes = turned(body, [entry for entry in BODY if entry.shape != "m"], turn)
+    changes = turned(body, [entry for entry in ARRAYS["body"] if entry.shape != "m"], turn)
     changes |= {name: part and replace(part, **turned(part, entries, turn)) for name, (part, entries) in known.items()}
     # Products that the mass leaves out are of the old coordinates: a trial goes without their watch.
     changes["polynomial"] = body.polynomial and replace(changes["polynomial"], factor=None, further=None)
@@ -191,7 +191,7 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
         damping_ratio=np.full(len(angular_frequency), body.damping_ratio[0]),
         surface=body.surface and body.surface.in_coordinates(turn),
         membrane=body.membrane and body.membrane.turned(turn, angular_frequency**2),
-        stress_sets=tuple(replace(part, **turned(part, STRESS, turn)) for part in body.stress_sets),
+        stress_sets=tuple(replace(part, **turned(part, ARRAYS["stress"], turn)) for part in body.stress_sets),
         shadow=body.shadow and replace(body.shadow, embedding=body.shadow.embedding @ turn),
         **changes,
     )

@@ -9,7 +9,7 @@ import scipy.linalg
 
 from ...files.array_types import BoolArray, FloatArray, IntArray
 from ...files.errors import ModelError
-from ...model.arrays import BODY, MASSES, STRESS, TIES, Entry
+from ...model.arrays import ARRAYS, Entry
 from ...model.membrane import Membrane
 from ...model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, StressSet, Surface, Ties
 from ...model.rotations import skew
@@ -141,7 +141,7 @@ def join_parts(
     values, modes, pull, turn = _modes_of_whole(stack, welds, loose, moved)
     body = made_body(
         BodyUse(parts[0].name),
-        **stack.joined([entry for entry in BODY if entry.name in _LAID], list(enumerate(parts)), modes),
+        **stack.joined([entry for entry in ARRAYS["body"] if entry.name in _LAID], list(enumerate(parts)), modes),
         angular_frequency=np.sqrt(values),
         interface_names=tuple(interfaces),
         interface_point=np.array([parts[p].interface_point[i] for p, i in places]),
@@ -149,7 +149,7 @@ def join_parts(
         interface_rotation=moved[:, 3:] @ modes,
         interface_frame=np.array([stack.on(p, parts[p].interface_frame)[i] for p, i in places]),
         frame_names=tuple(name for part in parts for name in part.frame_names),
-        masses=Masses(**stack.joined(MASSES, held, modes)) if (held := stack.holding("masses")) else None,
+        masses=Masses(**stack.joined(ARRAYS["masses"], held, modes)) if (held := stack.holding("masses")) else None,
         stress_sets=_stress_sets(stack, modes),
         surface=_surface(stack, modes, interfaces),
         ties=_ties(stack, welds, pull, turn, modes),
@@ -199,7 +199,7 @@ def _ties(stack: _Stack, welds: Sequence[Weld], pull: float, turn: float, modes:
         # Springs of stiffness k at e_x s, e_y s, e_z s resist turning by 2 k s².
         "lever": np.tile(np.sqrt(0.5 * turn / pull) * np.eye(3), (len(welds), 1, 1)),
     }
-    own = stack.joined(TIES, stack.holding("ties"), modes)
+    own = stack.joined(ARRAYS["ties"], stack.holding("ties"), modes)
     return Ties(**{name: np.concatenate([own[name], one]) if own else one for name, one in found.items()})
 
 
@@ -297,7 +297,7 @@ def _stress_sets(stack: _Stack, modes: FloatArray) -> tuple[StressSet, ...]:
     result = []
     for name in names:
         found = [(p, own) for p, part in enumerate(stack.parts) for own in part.stress_sets if own.name == name]
-        result.append(StressSet(name, **stack.joined(STRESS, found, modes)))
+        result.append(StressSet(name, **stack.joined(ARRAYS["stress"], found, modes)))
     return tuple(result)
 
 
