@@ -1,86 +1,12 @@
-"""Keywords of Abaqus and CalculiX decks: which are honoured, which are left unused, and which cannot be."""
+"""Keywords of decks, listed in keywords.toml: which are honoured, which are left unused, and which cannot be."""
 
-# Keywords that are honoured and their parameters; others might change what the card means.
-HONOURED: dict[str, tuple[str, ...]] = {
-    "NODE": ("NSET", "ID"),
-    "ELEMENT": ("TYPE", "ELSET", "ID", "DLOAD"),
-    "NSET": ("NSET", "GENERATE", "ELSET", "UNSORTED", "INTERNAL", "INSTANCE", "FREQUENCY"),
-    "ELSET": ("ELSET", "GENERATE", "UNSORTED", "INTERNAL", "INSTANCE"),
-    "SURFACE": ("NAME", "TYPE", "INTERNAL", "INSTANCE"),
-    "MATERIAL": ("NAME", "ID", "SRATEFACTOR"),
-    "ELASTIC": ("TYPE", "MODULI"),
-    "DENSITY": (),
-    "SOLID SECTION": ("ELSET", "MATERIAL", "ORIENTATION", "CONTROLS", "REFNODE"),
-    "ORIENTATION": ("NAME", "SYSTEM", "DEFINITION"),
-    "DISTRIBUTION": ("NAME", "LOCATION", "TABLE"),
-    "COUPLING": ("CONSTRAINTNAME", "REFNODE", "SURFACE", "ORIENTATION", "INFLUENCERADIUS", "ALPHA"),
-    "KINEMATIC": (),
-    "DISTRIBUTING": ("COUPLING", "WEIGHTINGMETHOD"),
-    "KINEMATIC COUPLING": ("REFNODE", "ORIENTATION"),
-    "RIGID BODY": ("NSET", "ELSET", "REFNODE", "ROTNODE", "TIENSET", "PINNSET", "POSITION", "ISOTHERMAL"),
-    "EQUATION": (),
-    "MPC": (),
-    "SHELLTOSOLIDCOUPLING": ("CONSTRAINTNAME", "POSITIONTOLERANCE", "INFLUENCEDISTANCE"),
-    "TIE": ("NAME", "ADJUST", "POSITIONTOLERANCE", "TYPE", "NOROTATION", "NOTHICKNESS", "CONSTRAINTRATIO"),
-    "MASS": ("ELSET",),
-    "SPRING": ("ELSET", "ORIENTATION", "NONLINEAR", "RTOL", "COMPLEXSTIFFNESS"),
-    "DASHPOT": ("ELSET", "ORIENTATION", "NONLINEAR", "RTOL"),
-    "NODAL THICKNESS": (),
-    "ROTARY INERTIA": ("ELSET",),
-    "TRANSFORM": ("NSET", "TYPE"),
-    "DISTRIBUTING COUPLING": ("ELSET", "ORIENTATION"),
-    "BOUNDARY": ("AMPLITUDE", "OP", "TYPE", "FIXED"),
-}
+import tomllib
+from pathlib import Path
+
+_WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+HONOURED: dict[str, tuple[str, ...]] = {keyword: tuple(names.split()) for keyword, names in _WORDS["honoured"].items()}
 PARAMETERS = {keyword.replace(" ", ""): names for keyword, names in HONOURED.items()}
-
-# Say nothing of the body: passed over in silence.
-_HARMLESS = """
-    HEADING PREPRINT NODEPRINT NODEFILE NODEOUTPUT ELPRINT ELFILE ELEMENTOUTPUT OUTPUT CONTACTOUTPUT
-    ENERGYOUTPUT ENERGYPRINT SECTIONPRINT FILEFORMAT MONITOR CONTACTFILE CONTACTPRINT FACEPRINT PRINT RESTART
-    PARAMETER USERNODE VIEWFACTOROUTPUT CAEASSEMBLY DISTRIBUTIONTABLE
-"""
-HARMLESS = frozenset(_HARMLESS.split())
-
-# Do not bear on stiffness or mass at rest: passed over with a note.
-_UNUSED = """
-    AMPLITUDE CONDUCTIVITY DAMPING EXPANSION PHYSICALCONSTANTS SPECIFICHEAT TIMEPOINTS LATENTHEAT
-    INELASTICHEATFRACTION INITIALCONDITIONS BASEMOTION CONTROLS SECTIONCONTROLS PLASTIC CYCLICHARDENING CREEP
-    VISCOELASTIC RATEDEPENDENT DAMAGEINITIATION DAMAGEEVOLUTION DAMAGESTABILIZATION DEFORMATIONPLASTICITY
-    HYPERELASTIC HYPERFOAM DRUCKERPRAGER MOHRCOULOMB MOHRCOULOMBHARDENING POTENTIAL COMBINEDTESTDATA UNIAXIALTESTDATA
-    BIAXIALTESTDATA PLANARTESTDATA VOLUMETRICTESTDATA SHEARTESTDATA USERMATERIAL DEPVAR USERDEFINEDFIELD FIELD
-    TEMPERATURE ELECTRICALCONDUCTIVITY MAGNETICPERMEABILITY FLUIDCONSTANTS SPECIFICGASCONSTANT
-    VALUESATINFINITY FILM RADIATE DFLUX CFLUX SINKTEMPERATURE SURFACEINTERACTION SURFACEBEHAVIOR FRICTION
-    CONTACT CONTACTINCLUSIONS CONTACTEXCLUSIONS CONTACTPAIR CONTACTPROPERTYASSIGNMENT
-    CONTACTINITIALIZATIONASSIGNMENT CONTACTINITIALIZATIONDATA CONTACTFORMULATION SURFACEPROPERTYASSIGNMENT
-    CONTACTDAMPING CONTACTCONTROLS CONTACTSTABILIZATION CONTACTINTERFERENCE CLEARANCE GAPCONDUCTANCE
-    GAPHEATGENERATION GAPRADIATION CHANGEFRICTION SURFACESMOOTHING PRETENSIONSECTION SUBMODEL
-    CYCLICSYMMETRYMODEL FILTER INTEGRATEDOUTPUTSECTION MODALDAMPING DESIGNVARIABLES OBJECTIVE CONSTRAINT
-    SENSITIVITY CLOAD DLOAD DSLOAD GAP CONCRETE TENSIONSTIFFENING SHEARRETENTION FAILURERATIOS
-"""
-UNUSED = frozenset(_UNUSED.split())
-# Those of them that may do to a body at rest what flexfmu does not know.
-_WHY = {
-    "INITIALCONDITIONS": "the body begins without stress",
-    "PLASTIC": "the body is elastic",
-    "HYPERELASTIC": "the body is linearly elastic: give its constants in [material]",
-    "HYPERFOAM": "the body is linearly elastic: give its constants in [material]",
-    "USERMATERIAL": "the body is linearly elastic: give its constants in [material]",
-    "CONTACTPAIR": "the surfaces do not touch each other",
-    "CONTACT": "surfaces do not touch each other",
-    "GAP": "its elements GAPUNI hold nothing, and their nodes do not touch each other",
-    "CONCRETE": "the body is elastic",
-    "CLOAD": "loads come through interfaces",
-    "DLOAD": "loads come through interfaces",
-    "DSLOAD": "loads come through interfaces",
-    "PRETENSIONSECTION": "the body begins without stress",
-    "SUBMODEL": "nothing drives its boundary",
-    "CYCLICSYMMETRYMODEL": "the body is what the mesh shows, one sector",
-}
-# Give stiffness to faces, edges and points: sections of elements that are no solids.
-_SECTIONS = """
-    SHELLSECTION SHELLGENERALSECTION MEMBRANESECTION BEAMSECTION BEAMGENERALSECTION FRAMESECTION RIGIDSECTION
-"""
-SECTIONS = frozenset(_SECTIONS.split())
+HARMLESS, UNUSED, SECTIONS = (frozenset(_WORDS[kind].split()) for kind in ("harmless", "unused", "sections"))
 
 
 def unused(keyword: str, key: str) -> str:
@@ -95,5 +21,5 @@ def unused(keyword: str, key: str) -> str:
     -------
     str
     """
-    why = _WHY.get(key)
+    why = _WORDS["why"].get(key)
     return f"*{keyword} is left unused{f': {why}' if why else ''}"
