@@ -8,6 +8,7 @@ import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
 from ..files.errors import BodyFileError
+from ..files.plain_data import fields_of
 from ..files.toml_files import validated
 from ..files.units import UnitSystem
 from ..mesh.model import Mesh
@@ -106,24 +107,22 @@ class NodeChoices:
 def support_table(sets: NodeChoices, given: Support | Nodes, title: str) -> dict[str, Any]:
     """A table of `[[support]]`; its nodes become a set of the mesh where they are not one."""
     support = given if isinstance(given, Support) else Support(given)
-    table: dict[str, Any] = {"nodes": sets.name(support.nodes, title)}
-    names = ("stiffness", "rotational_stiffness", "damping", "rotational_damping", "axes")
-    soft = {name: plain(found) for name in names if (found := getattr(support, name)) is not None}
-    return table | (soft or {"fix": list(support.fix)})
+    told = {**_told(support), "nodes": sets.name(support.nodes, title), "fix": list(support.fix)}
+    if len(told) > 2:
+        # Springs or dampers hold it instead.
+        del told["fix"]
+    return told
 
 
 def interface_table(sets: NodeChoices, name: str, given: Interface | Nodes) -> dict[str, Any]:
     """A table of `[[interface]]`; its nodes become a set of the mesh where they are not one."""
     interface = given if isinstance(given, Interface) else Interface(given)
-    return {
-        "name": name,
-        "nodes": sets.name(interface.nodes, f"interface {name}"),
-        "weights": interface.weights,
-        "compliance": interface.compliance,
-        "follows": interface.follows,
-        **({} if interface.rigid is None else {"rigid": interface.rigid}),
-        **({} if interface.point is None else {"point": plain(interface.point)}),
-    }
+    return {**_told(interface), "name": name, "nodes": sets.name(interface.nodes, f"interface {name}")}
+
+
+def _told(given: Support | Interface) -> dict[str, Any]:
+    """What is said, but for the nodes."""
+    return {key: plain(value) for key, value in fields_of(given).items() if value is not None and key != "nodes"}
 
 
 def material_table(given: Sequence[float] | Mapping[str, float]) -> dict[str, Any]:

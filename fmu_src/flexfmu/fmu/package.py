@@ -27,37 +27,6 @@ from .runtime import Runtime
 
 # pythonfmu's base class of slaves and what it imports; the rest of the library is for building only.
 _SLAVE_LIBRARY = ("fmi2slave", "_version", "default_experiment", "enums", "logmsg", "variables")
-_SLAVE_MODULE = '''"""Entry point for pythonfmu's library."""
-
-import ctypes
-
-from {package}.pythonfmu.fmi2slave import Fmi2Slave
-from {package}.python_slave import BodySlave
-
-# The library runs this file at every instantiation, then gives up a reference to the namespace that it only borrowed:
-# without one more each time, the namespace would be freed while in use.
-ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
-
-
-class FlexibleBodySlave(BodySlave, Fmi2Slave):
-    """The body, recognisable to pythonfmu."""
-
-    guid = "{guid}"
-'''
-_SOURCES_README = """The core of flexfmu, which runs the body: C99 without libraries of others. MIT licence.
-
-modelDescription.xml (FMI 3.0: buildDescription.xml) lists the C files. In this folder, for Linux:
-
-    cc {flags} -shared -fPIC -Wl,-Bsymbolic -o {name}.so *.c -lm
-
-macOS: {name}.dylib, without -Wl,-Bsymbolic. Windows (MinGW or clang): {name}.dll, without -fPIC and -Wl,-Bsymbolic.
-The library goes to binaries/PLATFORM (linux64, darwin64, win64; FMI 3.0: x86_64-linux and the like); the model
-description stays as it is.
-To link several FMUs into one program, give each a prefix: -DFMI2_FUNCTION_PREFIX=left_ makes left_fmi2DoStep.
-Targets without files: xxd -i body.prog > body_prog.h in resources/, then -DFLEX_BODY='"body_prog.h"'. The FMU then
-has its default method alone.
-Without -ffp-contract=off results may differ in the last digits.
-"""
 # The earliest date that the format knows: archives of the same contents are the same.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
@@ -175,7 +144,7 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi:
         for path in core_sources():
             sources[f"sources/{path.name}"] = b'#include "prefix.h"\n' + sources[f"sources/{path.name}"]
         sources["sources/prefix.h"] = prefix_header().encode()
-        sources["sources/README.txt"] = _SOURCES_README.format(name=body.name, flags=" ".join(FLAGS)).encode()
+        sources["sources/README.txt"] = _filled("sources_readme", name=body.name, flags=" ".join(FLAGS))
     else:
         (modules, libraries), sources = _pythonfmu(), {}
         binaries = {
@@ -205,6 +174,11 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi:
     if runtime is Runtime.PYTHON:
         package = f"flexfmu_{digest.hexdigest()[:16]}"
         contents["resources/slavemodule.txt"] = f"{package}_slave".encode()
-        contents[f"resources/{package}_slave.py"] = _SLAVE_MODULE.format(package=package, guid=guid).encode()
+        contents[f"resources/{package}_slave.py"] = _filled("slave_module", package=package, guid=guid)
         contents |= {f"resources/{package}/{name}": data for name, data in code.items()}
     return contents
+
+
+def _filled(text: str, /, **words: str) -> bytes:
+    """A text of this folder with words in place of their names."""
+    return Path(__file__).with_name(f"{text}.txt").read_text("utf-8").format(**words).encode()

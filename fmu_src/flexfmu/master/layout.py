@@ -7,6 +7,7 @@ order listed. The connections are a matrix from the one to the other; springs re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import numpy as np
@@ -85,8 +86,7 @@ class Description:
         -------
         float
         """
-        variable = self.variables[name]
-        own = variable.nominal or (variable.declaredType.nominal if variable.declaredType is not None else None)
+        own = self._told(name, "nominal")
         return 1.0 if own is None else abs(float(own))
 
     def unit(self, name: str) -> str | None:
@@ -100,9 +100,12 @@ class Description:
         -------
         str or None
         """
-        variable = self.variables[name]
-        own = variable.unit or (variable.declaredType.unit if variable.declaredType is not None else None)
+        own = self._told(name, "unit")
         return None if own is None else str(own)
+
+    def _told(self, name: str, what: str) -> Any:
+        variable = self.variables[name]
+        return getattr(variable, what) or getattr(variable.declaredType, what, None)
 
 
 def read_description(name: str, file: Path) -> Description:

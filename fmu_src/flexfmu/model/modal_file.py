@@ -130,15 +130,11 @@ def _check_seal(source: str | Path | BinaryIO, name: str) -> None:
     source.seek(0)
 
 
-def _encoded(names: tuple[str, ...]) -> Any:
-    """Names as fixed-length bytes, which HDF5 keeps in the same bytes every time."""
-    return np.array([name.encode() for name in names] or [b""], dtype="S")[: len(names)]
-
-
 def _stored(entry: Entry, value: Any) -> Any:
     """What the file holds of a value: names in bytes, of symmetric matrices (…, m, m) their triangles."""
     if entry.kind is str:
-        return _encoded(value)
+        # Of a fixed length: HDF5 keeps them in the same bytes every time.
+        return np.array([name.encode() for name in value] or [b""], dtype="S")[: len(value)]
     data = value[..., *np.tril_indices(value.shape[-1])] if entry.symmetric else value
     return data.astype("<f4") if entry.single else data
 

@@ -22,27 +22,6 @@ _CROSS[1, [2, 6]] = 1.0, -1.0
 _CROSS[2, [1, 3]] = -1.0, 1.0
 
 
-def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Vector product along the last axis, several times faster than `numpy.cross` on small arrays.
-
-    Parameters
-    ----------
-    a, b : (..., 3) float
-        Broadcast against each other.
-
-    Returns
-    -------
-    (..., 3) float
-    """
-    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
-    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
-    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    result[..., 0] = a1 * b2 - a2 * b1
-    result[..., 1] = a2 * b0 - a0 * b2
-    result[..., 2] = a0 * b1 - a1 * b0
-    return result
-
-
 def skew(vector: FloatArray) -> FloatArray:
     """Matrix of the vector product, φ̂ x = φ × x.
 

@@ -71,10 +71,15 @@ def summary(properties: Properties) -> list[tuple[str, str]]:
     """
     low, high = properties.box
     volume = float(properties.volume.sum())
-    lines = [
-        ("mass", f"{properties.mass:.4g} kg"),
-        *_points(properties),
-        *_springs(properties),
+    lines = [("mass", f"{properties.mass:.4g} kg")]
+    if properties.point_mass is not None:
+        lines.append(
+            ("masses at points", f"{properties.point_mass.sum():.4g} kg, {properties.point_mass.size} of them")
+        )
+    if properties.spring is not None:
+        along = ", ".join(f"{k:.4g}" for k in properties.spring)
+        lines.append(("springs to the ground", f"{along} N/m along x, y, z"))
+    lines += [
         ("volume", f"{volume:.4g} m³"),
         ("size", f"{' × '.join(f'{side:.4g}' for side in high - low)} m, from {point(low)} to {point(high)}"),
     ]
@@ -83,20 +88,6 @@ def summary(properties: Properties) -> list[tuple[str, str]]:
         part = "" if share == 1.0 else f", {100.0 * share:.3g} % of the volume"
         lines.append((f"material {name}", f"E {modulus:.4g} N/m², ν {poisson:.4g}, ρ {density:.4g} kg/m³{part}"))
     return lines
-
-
-def _points(properties: Properties) -> list[tuple[str, str]]:
-    """What masses at points have of the mass."""
-    if properties.point_mass is None:
-        return []
-    return [("masses at points", f"{properties.point_mass.sum():.4g} kg, {properties.point_mass.size} of them")]
-
-
-def _springs(properties: Properties) -> list[tuple[str, str]]:
-    """What springs to the ground there are."""
-    if properties.spring is None:
-        return []
-    return [("springs to the ground", f"{', '.join(f'{k:.4g}' for k in properties.spring)} N/m along x, y, z")]
 
 
 def first_frequency(angular_frequency: FloatArray) -> str:

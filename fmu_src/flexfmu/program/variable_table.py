@@ -169,7 +169,7 @@ def _variable(
         variability = "tunable"
     elif row.type == "Integer":
         variability = "discrete"
-    choices = _choices(body, row)
+    choices = tuple(method.value for method in offered(body)) if row.words == "METHOD" else words_of(row.words)
     return Variable(
         name=_filled(row.name, words),
         type=row.type,
@@ -190,11 +190,6 @@ def _variable(
 def _filled(pattern: str, words: Words) -> str:
     """A text with words for its capitals."""
     return re.sub("|".join(words), lambda found: words[found[0]], pattern)
-
-
-def _choices(body: ReducedBody, row: Row) -> tuple[str, ...]:
-    """What a String offers."""
-    return tuple(method.value for method in offered(body)) if row.words == "METHOD" else words_of(row.words)
 
 
 def _start(body: ReducedBody, row: Row, choices: Sequence[str]) -> float | bool | str | None:

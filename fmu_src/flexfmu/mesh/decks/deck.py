@@ -192,7 +192,7 @@ class _Content:
             if card.key in ("NODE", "ELEMENT"):
                 table, parameter = (node_sets, "NSET") if card.key == "NODE" else (element_sets, "ELSET")
                 if parameter in card.parameters:
-                    table.extend_by_labels(card.scope.qualified(card.required(parameter)), labels)
+                    table.extend(card.scope.qualified(card.required(parameter)), map(table.rows.__getitem__, labels))
             elif card.key == "ELSET":
                 element_sets.add(card, card.required("ELSET"))
             elif "ELSET" in card.parameters:

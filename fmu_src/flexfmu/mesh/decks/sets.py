@@ -53,16 +53,6 @@ class SetTable:
         self.spelling.setdefault(name.upper(), name)
         self.members.setdefault(name.upper(), set()).update(rows)
 
-    def extend_by_labels(self, name: str, labels: Iterable[int]) -> None:
-        """Add labels that are known to exist.
-
-        Parameters
-        ----------
-        name : str
-        labels : iterable of int
-        """
-        self.extend(name, (self.rows[label] for label in labels))
-
     def add(self, card: Card, name: str) -> None:
         """Take the data lines of a *NSET or *ELSET card.
 
