@@ -29,7 +29,7 @@ AXES = [np.array(a) / np.linalg.norm(a) for a in ([1.0, 2.0, -0.5], [-1.0, 0.0, 
 axes = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda a: np.linalg.norm(a) > 1e-3)
 
 
-def test_vector_product_is_that_of_numpy_and_of_the_skew_matrix():
+def test_the_skew_matrix_makes_the_vector_product():
     rng = np.random.default_rng(0)
     a, b = rng.standard_normal((5, 3)), rng.standard_normal((5, 3))
     np.testing.assert_allclose(np.einsum("kij,kj->ki", skew(a), b), np.cross(a, b), atol=1e-15)

@@ -14,14 +14,24 @@ from ..model.errors import OptionError
 from .building import PLATFORMS, source_hash, sources, this_platform
 from .image import read_image
 from .interface import parameter, symbols
-from .structures import structures
 
 SHIPPED = Path(__file__).parent / "binaries"
 """Where a wheel has the cores of all platforms."""
 
 _WORDS = 1024
 _PLACE, _NUMBER, _WHOLE = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
-_LIMITS, _WORK = (structures("data")[name] for name in ("StepLimits", "Work"))
+
+
+class _Limits(ctypes.Structure):
+    """`StepLimits` of core/data.h."""
+
+    _fields_ = [("longest", _NUMBER), ("tolerance", _NUMBER), ("most", _NUMBER)]
+
+
+class _Work(ctypes.Structure):
+    """`Work` of core/data.h."""
+
+    _fields_ = [("substeps", _WHOLE), ("iterations", _WHOLE), ("error", _NUMBER)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,15 +105,15 @@ class _Wholes(_Numbers):
     kind = np.int64
 
 
-_ANSWER, _WORKED, _TEXT = ctypes.c_int, ctypes.POINTER(_WORK), (ctypes.c_char_p, _WHOLE)
+_ANSWER, _WORK, _TEXT = ctypes.c_int, ctypes.POINTER(_Work), (ctypes.c_char_p, _WHOLE)
 _STATE = (_Coordinates,) * 2
 # Of each function: what it returns, and its arguments after the body.
 _OF_BODIES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "body_close": (None, ()),
-    "body_options": (_ANSWER, (_NUMBER, ctypes.POINTER(_LIMITS))),
+    "body_options": (_ANSWER, (_NUMBER, ctypes.POINTER(_Limits))),
     "body_static": (_ANSWER, (_Inputs, _Coordinates, _Numbers, _Wholes)),
-    "body_step": (_ANSWER, (_Inputs, _Inputs, _NUMBER, *_STATE, _Wholes, _WORKED)),
-    "body_refusal": (None, (_ANSWER, _NUMBER, _WORKED, *_TEXT)),
+    "body_step": (_ANSWER, (_Inputs, _Inputs, _NUMBER, *_STATE, _Wholes, _WORK)),
+    "body_refusal": (None, (_ANSWER, _NUMBER, _WORK, *_TEXT)),
     "body_static_refusal": (None, (_ANSWER, _NUMBER, *_TEXT)),
     "body_motion": (_done, (*_STATE, _Numbers, _Numbers)),
     "body_nodes": (None, (_Coordinates, _Numbers, _Numbers)),
@@ -216,7 +226,7 @@ class Core:
         self._body = self._library.body_open(image, len(image), ctypes.byref(why))
         if not self._body:
             raise OptionError(f"not a program: {(why.value or b'').decode()}")
-        if self._ask("options", damping_scale, _LIMITS(limits.longest, limits.tolerance, limits.most)):
+        if self._ask("options", damping_scale, _Limits(limits.longest, limits.tolerance, limits.most)):
             raise OptionError("an option is out of range")
         program = read_image(image)
         self.modes, self.nodes, self.frames, self.interfaces, self.loads = (
@@ -274,14 +284,14 @@ class Core:
         work : tuple
             Internal steps, rounds, and the estimated error.
         """
-        (q1, v1), tries, work = np.array([q, v], float).reshape(2, self.modes), np.array([hint], np.int64), _WORK()
+        (q1, v1), tries, work = np.array([q, v], float).reshape(2, self.modes), np.array([hint], np.int64), _Work()
         answer = self._ask("step", loads, end, step, q1, v1, tries, ctypes.byref(work))
         return StepAnswer(answer), q1, v1, int(tries[0]), (work.substeps, work.iterations, work.error)
 
     def step_refusal(self, answer: StepAnswer, step: float, work: tuple[int, int, float]) -> str:
         """Why a step of some length (s) was refused."""
         text = ctypes.create_string_buffer(_WORDS)
-        self._ask("refusal", answer.number, step, ctypes.byref(_WORK(*work)), text, _WORDS)
+        self._ask("refusal", answer.number, step, ctypes.byref(_Work(*work)), text, _WORDS)
         return text.value.decode()
 
     def static_refusal(self, answer: StepAnswer, share: float) -> str:

@@ -227,6 +227,11 @@ class Factorisation:
     tell : callable, optional
         Takes what the user should know of a long factorisation.
 
+    Attributes
+    ----------
+    positive_definite : bool
+        Whether the symmetric matrix is, as far as round-off lets it be told.
+
     Raises
     ------
     ModelError
@@ -244,23 +249,18 @@ class Factorisation:
         try:
             if pardiso is not None:
                 self._order = np.arange(matrix.shape[0])
-                self._solve, self._positive = _by_pardiso(pardiso, matrix, order is not None, self)
+                self._solve, self.positive_definite = _by_pardiso(pardiso, matrix, order is not None, self)
                 return
             self._order = dissection_order(matrix, node) if order is None else order
             permuted = sp.csc_matrix(matrix[self._order][:, self._order])
             if order is None:
                 _check_fill(matrix, node, self._order, tell)
-            self._solve, self._positive = _by_superlu(permuted)
+            self._solve, self.positive_definite = _by_superlu(permuted)
         except RuntimeError as error:
             raise ModelError(
                 f"the stiffness matrix is singular ({error}): a part of the body is free to move; check supports and "
                 "that all parts share nodes"
             ) from error
-
-    @property
-    def positive_definite(self) -> bool:
-        """Whether the symmetric matrix is, as far as round-off lets it be told."""
-        return self._positive
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solve for one or several right-hand sides.

@@ -10,7 +10,7 @@ from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
 from ..files.array_types import FloatArray
-from ..files.errors import SimulationError, StoppedError, keeping_partial, nearest
+from ..files.errors import SimulationError, StoppedError, keeping_partial, nearest, plural
 from ..files.inputs import Kind, check_input
 from ..files.limits import MOST_VALUES
 from ..files.progress import Reporter, ends_on_interrupt
@@ -331,9 +331,6 @@ def simulate_csv(
     return outputs, result
 
 
-_AXES = ("x", "y", "z")
-
-
 def outcome(names: Sequence[str], result: FloatArray, warnings: int) -> str:
     """Largest displacement and rotation of any interface, when, and how many warnings there were.
 
@@ -353,15 +350,14 @@ def outcome(names: Sequence[str], result: FloatArray, warnings: int) -> str:
     for quantity, words in (("displacement", _length), ("rotation", _angle)):
         best: tuple[float, str, float] | None = None
         for interface in dict.fromkeys(name.split(".")[0] for name in names if f".{quantity}." in name):
-            columns = [1 + names.index(f"{interface}.{quantity}.{axis}") for axis in _AXES]
+            columns = [1 + names.index(f"{interface}.{quantity}.{axis}") for axis in "xyz"]
             length = np.linalg.norm(result[:, columns], axis=1)
             row = int(np.argmax(length))
             if best is None or length[row] > best[0]:
                 best = float(length[row]), interface, float(result[row, 0])
         if best is not None:
             found.append(f"largest {quantity} {words(best[0])} of {best[1]} at {best[2]:.4g} s")
-    told = "no warnings" if not warnings else "1 warning" if warnings == 1 else f"{warnings} warnings"
-    return "; ".join([*found, told])
+    return "; ".join([*found, plural(warnings, "warning")])
 
 
 def _length(value: float) -> str:

@@ -40,17 +40,9 @@ _NUMBER = r"([-+]?\d*\.?\d+(?:[DdEe][-+]?\d+)?)"
 _ENTRY = re.compile(rf"m([01])\s*\(\s*(\d+)\s*,\s*(\d+)\s*(?:,\s*(\d+)\s*)?\)\s*=\s*{_NUMBER}")
 _SIZE = re.compile(r"(nrow|ncol|nqn?|order|structure)\s*=\s*(\d+)")
 # ω~ω~ = Σ_k W_k ω_k with ω = (ωx², ωy², ωz², ωx ωy, ωy ωz, ωx ωz).
-_SQUARES = np.array(
-    [
-        [[0, 0, 0], [0, -1, 0], [0, 0, -1]],
-        [[-1, 0, 0], [0, 0, 0], [0, 0, -1]],
-        [[-1, 0, 0], [0, -1, 0], [0, 0, 0]],
-        [[0, 1, 0], [1, 0, 0], [0, 0, 0]],
-        [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
-        [[0, 0, 1], [0, 0, 0], [1, 0, 0]],
-    ],
-    dtype=float,
-)
+_FIRST, _SECOND = [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]
+_ONE_BY_ONE = skew(np.eye(3))[_FIRST] @ skew(np.eye(3))[_SECOND]
+_SQUARES = np.repeat([0.5, 1.0], 3)[:, None, None] * (_ONE_BY_ONE + _ONE_BY_ONE.swapaxes(1, 2))
 
 
 class SidError(FlexfmuError):

@@ -61,11 +61,8 @@ _SHARED_BY_CGX = ".msh"
 _LINES, _WORD = 2000, 20
 # s that a library may take to read a file: some, and s for each byte. A busy machine reads bulk data at 0.5 MB/s.
 _LEAST, _EACH = 60.0, 1e-5
-_GEOMETRY = "a geometry without elements; mesh it first, by gmsh for example", "-3 -order 2"
-# What gmsh makes a mesh of, and how.
-_FOR_GMSH = {
-    **dict.fromkeys((".step", ".stp", ".iges", ".igs", ".brep"), _GEOMETRY),
-}
+# What gmsh makes a mesh of.
+_GEOMETRIES = (".step", ".stp", ".iges", ".igs", ".brep")
 
 
 def read_mesh(
@@ -118,9 +115,9 @@ def read_mesh(
         raise MeshError(f"{path}: shells of decks have their thickness by *SHELL SECTION; write it into the file")
     if suffix == DECK_SUFFIX:
         return read_deck(path, units)
-    if suffix in _FOR_GMSH:
-        what, how = _FOR_GMSH[suffix]
-        raise MeshError(f"{path}: {what}: gmsh {path.name} {how} -format msh41 -o {path.stem}.msh")
+    if suffix in _GEOMETRIES:
+        what = "a geometry without elements; mesh it first, by gmsh for example"
+        raise MeshError(f"{path}: {what}: gmsh {path.name} -3 -order 2 -format msh41 -o {path.stem}.msh")
     contents = _read_elsewhere(path, suffix, units, timeout or _LEAST + _EACH * path.stat().st_size)
     if shells:
         contents = replace(contents, shells={**contents.shells, **{name: _faces(one) for name, one in shells.items()}})

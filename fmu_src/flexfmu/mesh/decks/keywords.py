@@ -3,10 +3,10 @@
 import tomllib
 from pathlib import Path
 
-_WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
-HONOURED: dict[str, tuple[str, ...]] = {keyword: tuple(names.split()) for keyword, names in _WORDS["honoured"].items()}
+WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+HONOURED: dict[str, tuple[str, ...]] = {keyword: tuple(names.split()) for keyword, names in WORDS["honoured"].items()}
 PARAMETERS = {keyword.replace(" ", ""): names for keyword, names in HONOURED.items()}
-HARMLESS, UNUSED, SECTIONS = (frozenset(_WORDS[kind].split()) for kind in ("harmless", "unused", "sections"))
+HARMLESS, UNUSED, SECTIONS = (frozenset(WORDS[kind].split()) for kind in ("harmless", "unused", "sections"))
 
 
 def unused(keyword: str, key: str) -> str:
@@ -21,5 +21,5 @@ def unused(keyword: str, key: str) -> str:
     -------
     str
     """
-    why = _WORDS["why"].get(key)
+    why = WORDS["why"].get(key)
     return f"*{keyword} is left unused{f': {why}' if why else ''}"

@@ -3,36 +3,13 @@
 import re
 from dataclasses import dataclass
 
+from flexfmu.mesh.decks.keywords import WORDS
 from flexfmu.mesh.elements import ElementType
 
-# Names that stand for another element of small strains, with the reason.
-_HYBRID = "the pressure of its own matters to incompressible materials only"
-_THERMAL = "its temperature is left out"
-_MODIFIED = "its modification matters to contact and plasticity"
-READ_AS: dict[str, tuple[ElementType, str]] = {
-    "C3D8R": (
-        ElementType.C3D8I,
-        "reduced integration with enhanced hourglass control bends alike; CalculiX's is softer in bending, by 23, 10, "
-        "6 and 3 % where 2, 3, 4 and 6 are across",
-    ),
-}
 _SOLIDS = [kind for kind in ElementType if not kind.natural]
-for _kind in _SOLIDS:
-    READ_AS[f"{_kind.name}H"] = (_kind, _HYBRID)
-    READ_AS[f"{_kind.name}T"] = (_kind, _THERMAL)
-READ_AS |= {
-    "C3D8RH": READ_AS["C3D8R"],
-    "C3D8RT": (ElementType.C3D8I, _THERMAL),
-    "C3D8HT": (ElementType.C3D8, _THERMAL),
-    "C3D20RHT": (ElementType.C3D20R, _THERMAL),
-    "C3D10HT": (ElementType.C3D10, _THERMAL),
-    "C3D10M": (ElementType.C3D10, _MODIFIED),
-    "C3D10MH": (ElementType.C3D10, _MODIFIED),
-    "C3D10MT": (ElementType.C3D10, _THERMAL),
-    "C3D10I": (ElementType.C3D10, "stress at its surface is found as inside"),
-    "C3D10HS": (ElementType.C3D10, "stress at its surface is found as inside"),
-    "C3D8S": (ElementType.C3D8, "stress at its surface is found as inside"),
-}
+_PAIRS = {name: told.split() for name, told in WORDS["read_as"].items()}
+READ_AS = {name: (ElementType[kind], str(WORDS["reasons"][why])) for name, (kind, why) in _PAIRS.items()}
+"""Names that stand for another element of small strains, with the reason."""
 
 # Nodes of faces, edges and points by the beginnings of their names; a family's nodes are the digits that follow.
 _FACE = re.compile(r"(CPS|CPEG|CPE|CAX|DC2D|DS|M3D|SFM3D|R3D|STRI|S|DC1D|T2D|T3D|B2|B3|RB3D)(\d)")
