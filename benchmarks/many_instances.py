@@ -1,8 +1,8 @@
 """What instances of one FMU cost in one process: a step of each of a thousand over a step of one, at rest and bent.
 
 Run from the repository's root: python -m benchmarks.many_instances [--output FILE.csv]. The body of
-`benchmarks.watch_share`; all variants run in turn, and the least of several runs of each step counts. Also the time to
-make and initialise an instance, where others have been made. Needs a C compiler and Linux.
+`benchmarks.watch_share`; all variants run in turn, and the least of several runs of each block of steps counts. Also
+the time to make and initialise an instance, where others have been made. Needs a C compiler and Linux.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from .core_step import INTERFACES, beam, compiled
 from .records import write_records
 from .watch_share import LOADS, steps
 
-MANY, BLOCKS, REPEATS = 1000, 60, 3
+# Steps follow each other between two readings of the clock, which takes some 50 ns itself.
+MANY, BLOCK, BLOCKS, REPEATS = 1000, 10, 12, 5
 
 
 def measure(output: Path) -> None:
@@ -39,7 +40,7 @@ def measure(output: Path) -> None:
                 fmu = folder / f"{method.value}_{modes}.fmu"
                 package_fmu(replace(body, method=method), fmu)
                 for load, forces in {"rest": {}, "bent": LOADS["bent"]}.items():
-                    made, *times = steps(program, fmu, forces, variants, BLOCKS, REPEATS)
+                    made, *times = steps(program, fmu, forces, variants, BLOCKS, REPEATS, BLOCK)
                     one, many, one_off, many_off = (f"{x:.4g}" for x in np.median(times[1:], axis=0))
                     row = {"modes": modes, "method": method.value, "load": load, "one": one, "many": many}
                     row |= {"one_without": one_off, "many_without": many_off, "made": f"{min(made):.4g}"}

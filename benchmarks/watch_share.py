@@ -35,8 +35,9 @@ def steps(
     variants: tuple[str, ...] = ("1,{off}", "1"),
     blocks: int = BLOCKS,
     repeats: int = REPEATS,
+    block: int = 1,
 ) -> np.ndarray:
-    """Seconds of each variant (see steps.c): to make an instance, then of each step.
+    """Seconds of each variant (see steps.c): to make an instance, then of a step of each block of steps.
 
     {off} stands for parameters that switch all watches off.
     """
@@ -57,7 +58,7 @@ def steps(
         f"file://{place}/resources",
         *counts,
         STEP,
-        1,
+        block,
         blocks,
         repeats,
     ]

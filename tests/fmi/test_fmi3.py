@@ -355,6 +355,17 @@ def test_derivatives_are_those_of_fmi_2_and_adjoint_ones_their_transpose(slave, 
     slave.fmu.freeFMUState(state)
 
 
+def test_time_is_told_wherever_it_stands_among_others(fmu, tmp_path):
+    slave = Slave(fmu, tmp_path)
+    slave.run(0, 3)
+    one, other = slave.names("output")[:2]
+    (time,) = slave.get("time")
+    assert time == pytest.approx(3 * STEP)
+    first, second = slave.get(one), slave.get(other)
+    assert slave.get("time", one, "time", "time", other) == [time, *first, time, time, *second]
+    assert slave.get(other, "time", one) == [*second, time, *first]
+
+
 WRONG_CALLS = {
     "too few values": (
         lambda s: s.fmu.setFloat64(s.references([s.names("input")[0]]), [1.0]),

@@ -8,9 +8,22 @@
 double norm(const double *x, int64_t n) { return sqrt(dot(x, x, n)); }
 
 int all_zero(const double *x, int64_t count) {
-    for (int64_t i = 0; x && i < count; i++)
-        if (x[i] != 0.0) return 0;
-    return 1;
+    double sum[4] = {0.0, 0.0, 0.0, 0.0};
+    int64_t i = 0;
+    if (!x || !count || x[0] != 0.0) return !x || !count;
+    for (; i + 4 <= count; i += 4)
+        for (int k = 0; k < 4; k++) sum[k] += fabs(x[i + k]);
+    for (; i < count; i++) sum[0] += fabs(x[i]);
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]) == 0.0;
+}
+
+int all_finite(const double *x, int64_t count) {
+    double sum[4] = {0.0, 0.0, 0.0, 0.0};
+    int64_t i = 0;
+    for (; i + 4 <= count; i += 4)
+        for (int k = 0; k < 4; k++) sum[k] += 0.0 * x[i + k];
+    for (; i < count; i++) sum[0] += 0.0 * x[i];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]) == 0.0;
 }
 
 void add_rows(const double *x, const double *matrix, double *out, int64_t n, int64_t m) {

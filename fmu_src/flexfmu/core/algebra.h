@@ -10,6 +10,7 @@
 double norm(const double *x, int64_t n);
 /* Of a null pointer, too. */
 int all_zero(const double *x, int64_t count);
+int all_finite(const double *x, int64_t count);
 
 /* out (m) += x (n) M, M (n, m). */
 void add_rows(const double *x, const double *matrix, double *out, int64_t n, int64_t m);

@@ -12,6 +12,18 @@ typedef struct {
 } Arena;
 
 /* The next `count` numbers; null where they are only counted, or refused. */
-double *take(Arena *arena, int64_t count);
+static inline double *take(Arena *arena, int64_t count) {
+    const int64_t at = arena->used;
+    if (!arena->start) {
+        arena->used += count;
+        return 0;
+    }
+    if (arena->refused || count > arena->size - at) {
+        arena->refused = 1;
+        return 0;
+    }
+    arena->used += count;
+    return arena->start + at;
+}
 
 #endif

@@ -72,7 +72,15 @@ static int complete(Opened *opened) {
     opened->bent_row = calloc((size_t)(6 * nodes), sizeof *opened->bent_row);
     opened->turned_start = calloc((size_t)(6 * nodes), sizeof *opened->turned_start);
     opened->lumped = calloc((size_t)nodes, sizeof *opened->lumped);
-    if (!opened->stiffness || !opened->rule_numbers || !opened->bends || !opened->bent_row || !opened->turned_start || !opened->lumped) return 0;
+    opened->alike = calloc((size_t)p->variables + 1, sizeof *opened->alike);
+    if (!opened->stiffness || !opened->rule_numbers || !opened->bends || !opened->bent_row || !opened->turned_start || !opened->lumped || !opened->alike)
+        return 0;
+    for (int64_t i = p->variables - 1; i >= 0; i--) {
+        const int64_t next = i + 1;
+        const int goes_on = next < p->variables && p->variable_role[next] == p->variable_role[i] &&
+                            p->variable_type[next] == p->variable_type[i] && p->variable_index[next] == p->variable_index[i] + 1;
+        opened->alike[i] = goes_on ? 1 + opened->alike[next] : 1;
+    }
     opened->softens = opened->stiffness + m;
     memset(opened->lumped, 1, (size_t)p->frames * sizeof *opened->lumped);
     for (int64_t i = 0; i < p->lumps; i++) opened->lumped[p->frames + p->interfaces + p->masses + i].offset = 1;

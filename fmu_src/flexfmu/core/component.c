@@ -141,3 +141,17 @@ int64_t variable_of(Component *c, fmi2ValueReference reference, int type, const 
     tell(c, fmi2Error, c->text);
     return -1;
 }
+
+size_t run_of(Component *c, const fmi2ValueReference references[], size_t count, int type, const char *call) {
+    const fmi2ValueReference first = references[0];
+    if (variable_of(c, first, type, call) < 0) return 0;
+    const size_t alike = (size_t)c->body->described->opened->alike[first], most = alike < count ? alike : count;
+    size_t run = 1;
+    if (references[most - 1] == first + (fmi2ValueReference)(most - 1)) {
+        fmi2ValueReference others = 0;
+        for (size_t k = 1; k < most; k++) others |= references[k] ^ (first + (fmi2ValueReference)k);
+        if (!others) return most;
+    }
+    while (run < most && references[run] == first + (fmi2ValueReference)run) run++;
+    return run;
+}

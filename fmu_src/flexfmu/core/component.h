@@ -66,5 +66,8 @@ static inline int of_type(const Program *p, fmi2ValueReference reference, int ty
 }
 /* The variable of a reference, checked for its type; -1, told, where there is none. */
 int64_t variable_of(Component *c, fmi2ValueReference reference, int type, const char *call);
+/* How many references from the first of `count` on follow each other, of variables of a type that are alike; 0, told, where the first
+ * is none. */
+size_t run_of(Component *c, const fmi2ValueReference references[], size_t count, int type, const char *call);
 
 #endif

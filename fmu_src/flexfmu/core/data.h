@@ -91,6 +91,7 @@ typedef struct Opened {
     int64_t bend_rows;     /* numbers of Configuration.turned */
     int64_t *turned_start; /* (6K): where those of each row begin */
     Need *lumped;          /* (K): what inertia needs */
+    int64_t *alike;        /* of variables: how many from each one on are of one role and type, numbers side by side */
     double rotation_reach, strain_reach; /* how fast deformation can grow with the coordinates */
     double *softens;       /* (L / 3): bounds of what unit forces and moments take off the stability */
     int softens_known;

@@ -56,12 +56,12 @@ void find_reach(Opened *opened) {
 int deforms_within(Body *body, const double *q, double rotation, double strain) {
     const Program *p = body->p;
     Deformed *last = &body->deformed;
-    double square = 0.0;
+    double square[2] = {0.0, 0.0};
     for (int64_t j = first_of(p); j < p->modes; j++) {
         const double change = p->weight[j] * (q[j] - last->q[j]);
-        square += change * change;
+        square[j % 2] += change * change;
     }
-    const double way = CAUTION * sqrt(square);
+    const double way = CAUTION * sqrt(square[0] + square[1]);
     if (last->rotation + body->opened->rotation_reach * way <= rotation && last->strain + body->opened->strain_reach * way <= strain) return 1;
     memcpy(last->q, q, (size_t)p->modes * sizeof(double));
     last->rotation = body_rotations(body, q, 0);

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "algebra.h"
 #include "component.h"
 #include "instance_values.h"
 
@@ -13,22 +14,22 @@ static fmi2Status numbers_of(fmi2Component handle, const fmi2ValueReference refe
     Component *c = given(allowed(handle, READABLE, call), !count || (references && values), call);
     if (!c) return fmi2Error;
     const Program *p = instance_description(c->body);
-    for (size_t i = 0; i < count; i++)
-        if (!of_type(p, references[i], type) && variable_of(c, references[i], type, call) < 0) return fmi2Error;
-    for (size_t i = 0; i < count; i++) {
-        double number;
-        if (get_number(c->body, (int64_t)references[i], &number, c->text) != ANSWER_OK) return fail(c, c->text);
+    for (size_t i = 0, run; i < count; i += run)
+        if (!(run = run_of(c, references + i, count - i, type, call))) return fmi2Error;
+    for (size_t i = 0, run; i < count; i += run) {
+        double number, *to = type == TYPE_REAL ? (double *)values + i : &number;
+        run = run_of(c, references + i, type == TYPE_REAL ? count - i : 1, type, call);
+        if (get_numbers(c->body, (int64_t)references[i], (int64_t)run, to, c->text) != ANSWER_OK) return fail(c, c->text);
         const int64_t role = p->variable_role[references[i]];
         /* Inputs and parameters are what the master set. */
-        if (!isfinite(number) && role != ROLE_INPUT && role != ROLE_PARAMETER) {
+        if (role != ROLE_INPUT && role != ROLE_PARAMETER && !all_finite(to, (int64_t)run)) {
+            int64_t k = 0;
+            while (isfinite(to[k])) k++;
             snprintf(c->text, TEXT_SIZE, "%s: %s has no finite value: the loads are too large for the arithmetic; lower them", call,
-                     variable_text(c->body, (int64_t)references[i], 0, c->room));
+                     variable_text(c->body, (int64_t)references[i] + k, 0, c->room));
             return fail(c, c->text);
         }
-        if (type == TYPE_REAL)
-            ((fmi2Real *)values)[i] = number;
-        else
-            ((fmi2Integer *)values)[i] = number > 2147483647.0 ? 2147483647 : (fmi2Integer)number;
+        if (type != TYPE_REAL) ((fmi2Integer *)values)[i] = number > 2147483647.0 ? 2147483647 : (fmi2Integer)number;
     }
     return fmi2OK;
 }
@@ -55,7 +56,7 @@ FMI_EXPORT fmi2Status fmi2GetString(fmi2Component handle, const fmi2ValueReferen
     c->strings = kept;
     for (size_t i = 0; i < n; i++) {
         double chosen = 0.0;
-        if (get_number(c->body, (int64_t)vr[i], &chosen, c->text) != ANSWER_OK) return fail(c, c->text);
+        if (get_numbers(c->body, (int64_t)vr[i], 1, &chosen, c->text) != ANSWER_OK) return fail(c, c->text);
         char *text = kept + i * sizeof c->room;
         if (!*variable_text(c->body, (int64_t)vr[i], 1 + (int64_t)chosen, text)) *text = 0;
         value[i] = text;
@@ -68,8 +69,8 @@ static Component *settable(fmi2Component handle, const fmi2ValueReference vr[], 
     Component *c = given(allowed(handle, SETTABLE, call), !n || (vr && value), call);
     if (!c) return 0;
     const Program *p = instance_description(c->body);
-    for (size_t i = 0; i < n; i++) {
-        if (!of_type(p, vr[i], type) && variable_of(c, vr[i], type, call) < 0) return 0;
+    for (size_t i = 0, run; i < n; i += run) {
+        if (!(run = run_of(c, vr + i, n - i, type, call))) return 0;
         if (p->variable_role[vr[i]] == ROLE_INPUT || p->variable_role[vr[i]] == ROLE_PARAMETER) continue;
         snprintf(c->text, TEXT_SIZE, "%s: %s cannot be set, expected an input or a parameter", call, variable_text(c->body, (int64_t)vr[i], 0, c->room));
         tell(c, fmi2Error, c->text);
@@ -95,9 +96,11 @@ FMI_EXPORT fmi2Status fmi2SetReal(fmi2Component handle, const fmi2ValueReference
     if (!c) return fmi2Error;
     const Program *p = instance_description(c->body);
     fmi2Status status = fmi2OK;
-    for (size_t i = 0; i < n; i++) {
+    for (size_t i = 0, run; i < n; i += run) {
+        run = 1;
         if (p->variable_role[vr[i]] == ROLE_INPUT) {
-            set_input(c->body, p->variable_index[vr[i]], value[i]);
+            run = run_of(c, vr + i, n - i, TYPE_REAL, "fmi2SetReal");
+            set_inputs(c->body, p->variable_index[vr[i]], (int64_t)run, value + i);
         } else if (put_parameter(c, vr[i], value[i]) != fmi2OK) {
             status = fmi2Warning;
         }

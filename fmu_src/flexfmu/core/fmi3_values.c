@@ -8,14 +8,15 @@
 
 /* How many numbers the variable of a reference has: 0 for one within an array; what is none is left to calls of FMI 2.0. */
 static size_t axes_of(const Component *c, fmi3ValueReference reference) {
-    static const int64_t axes[] = {
-#define ROLE(symbol, causality, axes, ...) axes,
-#include "interface.def"
-    };
     const Program *p = instance_description(c->body);
     if ((int64_t)reference >= p->variables) return 1;
-    const int64_t count = axes[p->variable_role[reference]];
-    return p->variable_index[reference] % count ? 0 : (size_t)count;
+    switch (p->variable_role[reference]) {
+#define ROLE(symbol, causality, axes, ...) \
+    case ROLE_##symbol: \
+        return p->variable_index[reference] % axes ? 0 : axes;
+#include "interface.def"
+    default: return 1;
+    }
 }
 
 static fmi3Status wrong_count(Component *c, size_t expected, size_t found, const char *call) {
@@ -47,25 +48,28 @@ static fmi2ValueReference *numbered(Component *c, size_t at, const fmi3ValueRefe
         c->numbers = wider;
         c->number_room = at + total + 1;
     }
-    for (size_t i = 0, k = at; i < n; i++)
-        for (size_t j = 0; j < axes_of(c, vr[i]); j++) c->numbers[k++] = vr[i] + (fmi2ValueReference)j;
+    for (size_t i = 0, k = at; i < n; i++) {
+        const size_t axes = axes_of(c, vr[i]);
+        for (size_t j = 0; j < axes; j++) c->numbers[k++] = vr[i] + (fmi2ValueReference)j;
+    }
     return c->numbers + at;
 }
 
 FMI_EXPORT fmi3Status fmi3GetFloat64(fmi3Instance handle, const fmi3ValueReference vr[], size_t n, fmi3Float64 value[], size_t m) {
     Component *c = given(allowed(handle, READABLE, "fmi2GetReal"), !n || (vr && value), "fmi2GetReal");
     if (!c) return fmi2Error;
+    const int64_t time = instance_description(c->body)->variables;
     size_t k = 0;
-    for (size_t i = 0; i < n; i++) {
-        const size_t axes = axes_of(c, vr[i]);
-        if (k + axes > m) return wrong_count(c, k + axes, m, "fmi2GetReal");
-        if ((int64_t)vr[i] == instance_description(c->body)->variables) {
-            value[k++] = instance_time(c->body);
-            continue;
-        }
-        const fmi2ValueReference *number = numbered(c, 0, vr + i, 1, axes, "fmi2GetReal");
-        if (!number || fmi2GetReal(c, number, axes, value + k) != fmi2OK) return fmi2Error;
-        k += axes;
+    for (size_t i = 0, end; i < n; i = end + 1) {
+        /* What stands before time, at once; then time. */
+        size_t count = 0;
+        for (end = i; end < n && (int64_t)vr[end] != time; end++) count += axes_of(c, vr[end]);
+        const size_t whole = k + count + (end < n);
+        if (whole > m) return wrong_count(c, whole, m, "fmi2GetReal");
+        const fmi2ValueReference *number = numbered(c, 0, vr + i, end - i, count, "fmi2GetReal");
+        if (!number || fmi2GetReal(c, number, count, value + k) != fmi2OK) return fmi2Error;
+        k = whole;
+        if (end < n) value[k - 1] = instance_time(c->body);
     }
     return k == m ? fmi2OK : wrong_count(c, k, m, "fmi2GetReal");
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "algebra.h"
 #include "files.h"
 #include "messages.h"
 
@@ -114,6 +115,7 @@ void instance_forget_body(Instance *x) {
     free(x->pieces.arena.start);
     x->pieces = (Pieces){0};
     x->body = x->shadow = 0;
+    x->cached &= ~CACHED_REST;
 }
 
 void instance_reset(Instance *x) {
@@ -183,12 +185,13 @@ void instance_begin_at(Instance *x, double time) { x->single[S_TIME] = time; }
 
 void set_parameter(Instance *x, int64_t index, double value) {
     x->parameter[index] = value;
+    x->cached &= ~CACHED_REST;
     if (!parameter_is_tunable(index) || !runs(x)) instance_forget_body(x);
 }
 
 int parameter_is_tunable(int64_t index) { return index < P_FIXED && PARAMETERS[index].variability == TUNABLE; }
 
-void set_input(Instance *x, int64_t index, double value) { x->input[index] = value; }
+void set_inputs(Instance *x, int64_t index, int64_t count, const double *values) { memcpy(x->input + index, values, (size_t)count * sizeof(double)); }
 
 void set_input_rate(Instance *x, int64_t index, double value) { x->input_rate[index] = value; }
 
@@ -350,7 +353,7 @@ Answer instance_start(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     for (int64_t i = 0; i < x->loads; i++) x->previous[i] = isfinite(x->input[i]) ? x->input[i] : 0.0;
     scale_inputs(&x->scale, description(x), x->previous, x->over.start_inputs);
-    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0.0, x->over.start_inputs, why) != ANSWER_OK) {
+    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0.0, x->over.start_inputs, 0, why) != ANSWER_OK) {
         char text[TEXT_SIZE];
         memcpy(text, why, TEXT_SIZE);
         snprintf(why, TEXT_SIZE, "static initialisation: %.900s", text);
@@ -388,7 +391,7 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
         snprintf(why, TEXT_SIZE, SAY_BAD_TIME, step, time);
         return instance_failed(x, ANSWER_REFUSED);
     }
-    for (int64_t i = 0; i < x->loads; i++) {
+    for (int64_t i = 0; (!all_finite(x->input, x->loads) || !all_finite(x->input_rate, x->loads)) && i < x->loads; i++) {
         if (isfinite(x->input[i]) && isfinite(x->input_rate[i])) continue;
         wrong_input(x, i, "", why);
         return instance_failed(x, ANSWER_REFUSED);
@@ -397,8 +400,7 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
     if (step == 0.0) return ANSWER_OK;
     const int64_t m = x->body->p->modes;
     const int ramps = over_step(x, step);
-    for (int64_t i = 0; i < x->loads; i++) {
-        if (isfinite(x->over.start_inputs[i]) && isfinite(x->over.end_inputs[i])) continue;
+    if (!all_finite(x->over.start_inputs, x->loads) || !all_finite(x->over.end_inputs, x->loads)) {
         snprintf(why, TEXT_SIZE, SAY_GROWS, step);
         return instance_failed(x, ANSWER_REFUSED);
     }
@@ -418,7 +420,7 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
         body_refusal(x->body, answer, step, &work, why, TEXT_SIZE);
         return instance_failed(x, step_refused(x));
     }
-    const Answer verdict = inspect(x, x->over.q1, x->over.v1, within, ramps ? x->over.end_inputs : x->over.start_inputs, why);
+    const Answer verdict = inspect(x, x->over.q1, x->over.v1, within, ramps ? x->over.end_inputs : x->over.start_inputs, 0, why);
     if (verdict != ANSWER_OK) return instance_failed(x, verdict);
     memcpy(x->q, x->over.q1, (size_t)m * sizeof(double));
     memcpy(x->v, x->over.v1, (size_t)m * sizeof(double));
@@ -428,30 +430,51 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
         x->input_rate[i] = 0.0;
         x->previous[i] = x->input[i];
     }
+    if (ramps || x->single[S_HINT] != (double)hint) x->cached &= ~CACHED_REST;
     x->single[S_LAST_STEP] = step;
     x->single[S_TIME] = time + step;
     x->single[S_HINT] = (double)hint;
     x->single[S_SUBSTEPS] = (double)work.substeps;
     x->single[S_ITERATIONS] = (double)work.iterations;
     x->single[S_ERROR] = work.error;
-    x->cached = CACHED_MOTION;
+    return ANSWER_OK;
+}
+
+/* Whether a step is as the one before, in which nothing moved. */
+static int goes_on_resting(const Instance *x, double time, double step) {
+    const int rests = CACHED_REST | CACHED_MOTION;
+    return (x->cached & rests) == rests && step == x->single[S_LAST_STEP] && isfinite(time + step) &&
+           memcmp(x->input, x->previous, (size_t)x->loads * sizeof(double)) == 0 && all_zero(x->input_rate, x->loads);
+}
+
+/* Only time goes on, and looks. */
+static Answer step_at_rest(Instance *x, double time, double step, char *why) {
+    const int as_given = x->scale.force == 1.0 && x->scale.acceleration == 1.0;
+    if (!as_given) scale_inputs(&x->scale, description(x), x->previous, x->over.start_inputs);
+    const double *inputs = as_given ? x->previous : x->over.start_inputs;
+    const Answer verdict = inspect(x, x->q, x->v, x->scale.pace * step, inputs, 1, why);
+    if (verdict != ANSWER_OK) return instance_failed(x, verdict);
+    x->single[S_TIME] = time + step;
     return ANSWER_OK;
 }
 
 /* Numbers that steps overwrite which may lie on the stack: of many instances in turn they stay in the processor's cache there. */
 enum { ON_THE_STACK = 2048 };
 
-Answer instance_step(Instance *x, double time, double step, int *halvings, char *why) {
-    const double status = x->single[S_STATUS];
+static Answer step_on_the_stack(Instance *x, double time, double step, char *why) {
     double room[ON_THE_STACK];
     Arena arena = {room, 0, ON_THE_STACK, 0};
-    Answer answer;
     const Overwritten over = take_overwritten(x, &arena);
     if (!arena.refused) x->over = over;
-    for (;; --*halvings, step *= 0.5, x->single[S_STATUS] = status) {
-        answer = whole_step(x, time, step, why);
-        if (answer != ANSWER_REFUSED || *halvings <= 0) break;
-    }
+    const Answer answer = whole_step(x, time, step, why);
     x->over = x->own;
     return answer;
+}
+
+Answer instance_step(Instance *x, double time, double step, int *halvings, char *why) {
+    const double status = x->single[S_STATUS];
+    for (;; --*halvings, step *= 0.5, x->single[S_STATUS] = status) {
+        const Answer answer = goes_on_resting(x, time, step) ? step_at_rest(x, time, step, why) : step_on_the_stack(x, time, step, why);
+        if (answer != ANSWER_REFUSED || *halvings <= 0) return answer;
+    }
 }

@@ -23,7 +23,8 @@ const char *variable_text(const Instance *instance, int64_t variable, int64_t in
 void set_parameter(Instance *instance, int64_t index, double value);
 /* Whether a parameter may be set between steps. */
 int parameter_is_tunable(int64_t index);
-void set_input(Instance *instance, int64_t index, double value);
+/* Inputs from `index` on. */
+void set_inputs(Instance *instance, int64_t index, int64_t count, const double *values);
 void set_input_rate(Instance *instance, int64_t index, double value);
 /* Inputs or parameters were set before the first step: where the body starts is open again. */
 void start_changed(Instance *instance);

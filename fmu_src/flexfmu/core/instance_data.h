@@ -48,7 +48,7 @@ typedef enum { ANSWER_OK, ANSWER_REFUSED, ANSWER_FAILED } Answer;
 /* What a call has to say: `status` is an FMI status. */
 typedef void (*Teller)(void *to, int status, const char *text);
 
-enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4, CACHED_ERROR = 8 };
+enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4, CACHED_ERROR = 8, CACHED_REST = 16 };
 
 /* What calls overwrite: loads at a step's start and end, (L) like `room`; where it ends, (m) like `shape`; loads that were last looked
  * at, and drift, (L + 3m). */

@@ -120,14 +120,15 @@ static Answer find_errors(Instance *x, char *why) {
     return ANSWER_OK;
 }
 
-Answer get_number(Instance *x, int64_t variable, double *value, char *why) {
+Answer get_numbers(Instance *x, int64_t variable, int64_t count, double *values, char *why) {
     const Program *p = description(x);
-    const int64_t index = p->variable_index[variable];
+    const int64_t first = p->variable_index[variable];
     Answer answer = ANSWER_FAILED;
     switch (p->variable_role[variable]) {
-#define ROLE(symbol, causality, axes, count, find, ...) \
+#define ROLE(symbol, causality, axes, most, find, ...) \
     case ROLE_##symbol: \
-        if ((answer = find(x, why)) == ANSWER_OK) *value = __VA_ARGS__; \
+        answer = find(x, why); \
+        for (int64_t index = first; answer == ANSWER_OK && index < first + count; index++) values[index - first] = __VA_ARGS__; \
         break;
 #include "interface.def"
     }

@@ -69,22 +69,30 @@ void inspect_rest(Instance *x) {
     tell_warnings(x, &found);
 }
 
+/* Whether what is found may refuse a step. */
+static int may_refuse(const Monitor *monitor) {
+    int refuses = 0;
+    for (int i = 0; i < WATCHES; i++) refuses |= monitor->watch[i].action != ON_WARN;
+    return refuses;
+}
+
 /* Look at where a step of the body ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there. */
-Answer inspect(Instance *x, const double *q, const double *v, double step, const double *inputs, char *why) {
+Answer inspect(Instance *x, const double *q, const double *v, double step, const double *inputs, int rests, char *why) {
     const Bounds bounds = {x->parameter[P_BOUND_ROTATION], x->parameter[P_BOUND_DISPLACEMENT]};
-    const StepEnd end = {q, v, x->motion, inputs, step, x->q, x->v};
     const Monitor monitor = monitor_of(x);
+    StepEnd end = {q, v, x->motion, inputs, step, x->q, x->v, rests, rests};
+    Memory memory = recalled(x);
     Findings found;
     Answer answer = ANSWER_OK;
     /* A body at rest is where it was. */
-    const size_t size = (size_t)x->body->p->modes * sizeof(double);
-    const int rests = step > 0.0 && (x->cached & CACHED_MOTION) && memcmp(q, x->q, size) == 0 && memcmp(v, x->v, size) == 0;
+    const size_t size = (size_t)x->body->p->modes * sizeof(double), kept = (size_t)(x->loads + 3 * x->modes) * sizeof(double);
+    const int still = step > 0.0 && (x->cached & CACHED_MOTION) && memcmp(q, x->q, size) == 0 && memcmp(v, x->v, size) == 0;
     x->cached = 0;
-    if (!rests && !find_motion_at(x, q, v)) return instance_lacks_room(x, why);
-    if (!within_bounds(x->body, &bounds, &end, why, TEXT_SIZE)) return step_refused(x);
+    if (!still && !find_motion_at(x, q, v)) return instance_lacks_room(x, why);
+    if (!rests) end.calm = deforms_little(&monitor, &bounds, q, &memory);
+    if (!rests && !within_bounds(x->body, &bounds, &end, why, TEXT_SIZE)) return step_refused(x);
     /* Loads seen, and drift behind them. */
-    memcpy(x->over.seen, x->seen, (size_t)(x->loads + 3 * x->modes) * sizeof(double));
-    Memory memory = recalled(x);
+    if (may_refuse(&monitor)) memcpy(x->over.seen, x->seen, kept);
     look(&monitor, &end, &memory, &found);
     for (int i = 0; i < found.count; i++) {
         if (found.action[i] == ON_WARN) continue;
@@ -93,10 +101,11 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
         if (answer == ANSWER_OK) answer = ANSWER_REFUSED;
     }
     if (answer != ANSWER_OK) {
-        memcpy(x->seen, x->over.seen, (size_t)(x->loads + 3 * x->modes) * sizeof(double));
+        memcpy(x->seen, x->over.seen, kept);
         return answer;
     }
     keep_memory(x, &memory);
     tell_warnings(x, &found);
+    x->cached = CACHED_MOTION | (still ? CACHED_REST : 0);
     return ANSWER_OK;
 }

@@ -67,9 +67,20 @@ static Where most_turned(const Body *body, const double *q) {
     return (Where){"frame '", name_of(p, p->interfaces + p->turning_frame[worst]), "'"};
 }
 
+static double rotation_limit(const Program *p, const Watch *watch) { return watch->limit * (double)p->turning_limit / 100.0; }
+static double strain_limit(const Program *p, const Watch *watch) { return watch->limit * (double)p->strain_limit / 100.0; }
+
+int deforms_little(const Monitor *monitor, const Bounds *bounds, const double *q, const Memory *memory) {
+    const Watch *rotation = monitor->watch + WATCH_ROTATION, *strain = monitor->watch + WATCH_STRAIN;
+    const double turned = rotation_limit(monitor->body->p, rotation), strained = strain_limit(monitor->body->p, strain);
+    double most = bounds->rotation > 0.0 ? bounds->rotation : HUGE_VAL;
+    if (turned > 0.0 && turned < most && !silenced(rotation, memory->warned[WATCH_ROTATION])) most = turned;
+    return deforms_within(monitor->body, q, most, strained > 0.0 && !silenced(strain, memory->warned[WATCH_STRAIN]) ? strained : HUGE_VAL);
+}
+
 static void rotation(Body *body, const Watch *watch, const double *q, Memory *memory, Findings *found) {
     const Program *p = body->p;
-    const double limit = watch->limit * (double)p->turning_limit / 100.0;
+    const double limit = rotation_limit(p, watch);
     if (!(limit > 0.0) || silenced(watch, memory->warned[WATCH_ROTATION]) || deforms_within(body, q, limit, HUGE_VAL)) return;
     const double most = body_rotations(body, q, 0);
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_ROTATION]);
@@ -80,7 +91,7 @@ static void rotation(Body *body, const Watch *watch, const double *q, Memory *me
 }
 
 static void strain(Body *body, const Watch *watch, const double *q, Memory *memory, Findings *found) {
-    const double limit = watch->limit * (double)body->p->strain_limit / 100.0;
+    const double limit = strain_limit(body->p, watch);
     if (!(limit > 0.0) || silenced(watch, memory->warned[WATCH_STRAIN]) || deforms_within(body, q, HUGE_VAL, limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_STRAIN]);
     if (text) snprintf(text, FINDING_TEXT, SAY_STRAIN, 100.0 * body_strain(body, q), 100.0 * limit);
@@ -111,7 +122,7 @@ static double farthest(const Program *p, const double *motion, int64_t *interfac
 int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *why, size_t size) {
     const Program *p = body->p;
     int64_t interface = 0;
-    if (bounds->rotation > 0.0 && !deforms_within(body, end->q, bounds->rotation, HUGE_VAL)) {
+    if (!end->calm && bounds->rotation > 0.0 && !deforms_within(body, end->q, bounds->rotation, HUGE_VAL)) {
         const Where at = most_turned(body, end->q);
         snprintf(why, size, SAY_BOUND_ROTATION, DEGREES * body_rotations(body, end->q, 0), at.before, at.name, at.after,
                  DEGREES * bounds->rotation);
@@ -263,11 +274,12 @@ static double error_due(const Monitor *monitor, const StepEnd *end, Memory *memo
     const Watch *watch = monitor->watch + WATCH_ERROR;
     ErrorMemory *seen = &memory->error;
     if (!monitor->shadow || !(watch->limit > 0.0)) return 0.0;
-    double energy = 0.0;
+    double energy = end->rests ? monitor->pieces->energy : 0.0;
     int64_t worst = 0;
-    for (int64_t j = 0; j < p->modes; j++) energy += body->opened->stiffness[j] * q[j] * q[j];
+    for (int64_t j = 0; !end->rests && j < p->modes; j++) energy += body->opened->stiffness[j] * q[j] * q[j];
+    monitor->pieces->energy = energy;
     seen->steps += 1.0;
-    if (!p->rigid) seen->deflection = fmax(seen->deflection, farthest(p, end->motion, &worst));
+    if (!end->rests && !p->rigid) seen->deflection = fmax(seen->deflection, farthest(p, end->motion, &worst));
     const double far = IN_TIME * watch->limit / seen->bound, always = monitor->interval <= 1.0;
     const double patience = fmin(fmax(far, 1.0), PATIENCE) * monitor->interval * fmax(1.0, (double)monitor->shadow->p->modes / QUICK);
     const int waited = seen->steps >= patience && fabs(energy - seen->energy) > MOVED * seen->largest;
@@ -444,13 +456,15 @@ void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *
     Body *body = monitor->body;
     const Watch *watch = monitor->watch;
     const int64_t loads = body->p->loads;
-    const double *q = end->q, *v = end->v, *inputs = end->inputs, square = dot(inputs, inputs, loads);
+    const double *q = end->q, *v = end->v, *inputs = end->inputs, square = end->rests ? 0.0 : dot(inputs, inputs, loads);
     double due[WAITING] = {0.0};
     found->count = 0;
     /* Of loads beyond 1e154 the square is no number any more. */
     if (square > memory->largest) memory->largest = square < DBL_MAX ? square : DBL_MAX;
-    rotation(body, watch + WATCH_ROTATION, q, memory, found);
-    strain(body, watch + WATCH_STRAIN, q, memory, found);
+    if (!end->calm) {
+        rotation(body, watch + WATCH_ROTATION, q, memory, found);
+        strain(body, watch + WATCH_STRAIN, q, memory, found);
+    }
     due[LOOK_ERROR] = error_due(monitor, end, memory);
     truncation(monitor, end, memory, found);
     if (end->step > 0.0 && body->p->spins) {
@@ -459,7 +473,7 @@ void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *
     }
     if (end->step > 0.0 && !body->p->rigid && (body->p->inertial ? body->p->mass_products : body->p->mass_forms)) inertia(body, watch + WATCH_INERTIA, end, memory, found);
     if (body->p->rigid == 6 && !body->p->followers) turning_round(monitor, end, memory, found);
-    loads_due(monitor, inputs, memory, due);
+    if (!end->rests) loads_due(monitor, inputs, memory, due);
     /* A step that may be refused, and the start, are looked at in full. */
     const Watch *of[WAITING] = {watch + WATCH_ERROR, watch + WATCH_STABILITY, watch + WATCH_MISSED};
     for (int kind = 0; kind < WAITING; kind++)

@@ -57,6 +57,7 @@ typedef struct {
     Slice slice;
     int begun;     /* 0; or what it is of the look under way */
     double beyond; /* what stability is known to lie above */
+    double energy; /* twice that of the body where the last step ended */
     Arena arena;
 } Pieces;
 
@@ -80,8 +81,6 @@ typedef struct {
     char text[WATCHES + 1][FINDING_TEXT];
 } Findings;
 
-/* Whether a step's end is within the bounds; else why not, in `why` (size). */
-int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *why, size_t size);
 /* Material `stiffness` times as stiff as the body's, and denser: loads act on the body by the factors `force` and `acceleration`,
  * and its time runs `pace` times as fast (docs/theory.md section 6). */
 typedef struct {
@@ -105,6 +104,10 @@ typedef struct {
 /* Room that looks take. */
 int64_t look_size(const Body *body, const Body *shadow);
 
+/* Whether a step's end is within the bounds; else why not, in `why` (size). */
+int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *why, size_t size);
+/* Whether the body deforms less than the bounds, and all that has not been warned of yet, allow. */
+int deforms_little(const Monitor *monitor, const Bounds *bounds, const double *q, const Memory *memory);
 /* Look at a step's end; `memory` is changed, as it counts if the step is accepted. */
 void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found);
 /* All that is still to be looked at, at once. */

@@ -57,6 +57,7 @@ void leave_opened(Opened *opened) {
         free(opened->bent_row);
         free(opened->turned_start);
         free(opened->lumped);
+        free(opened->alike);
         if (opened->image.bytes && !opened->copy) unmap_file(opened->image.bytes, opened->image.size);
         free(opened->copy);
         free(opened);

@@ -234,6 +234,7 @@ double body_spin(Body *body, const double *q, const double *v) {
 static double linear_reach(const Program *p, const double *q) {
     const int64_t r = p->rigid;
     double most = 0.0;
+    if (all_zero(q, p->modes)) return most;
     for (int64_t i = 0; i < p->interfaces; i++) {
         double square = 0.0;
         for (int c = 0; c < 3; c++) {
@@ -268,10 +269,9 @@ void inertia_demand(const Body *body, Arena *arena) {
     take_missed(body, arena, &room);
 }
 
-void body_missed_inertia(Body *body, const StepEnd *end, double *drift, MissedInertia *so_far) {
-    const Program *p = body->p;
-    const int64_t m = p->modes;
-    double *off = drift, *rate = drift + m, *before = drift + 2 * m;
+/* How far motion is off where a step ends, and the momentum left out there. */
+static void follow_drift(Body *body, const StepEnd *end, double *off, double *rate, double *before) {
+    const int64_t m = body->p->modes;
     Arena arena = work_arena(body);
     MissedRoom room;
     take_missed(body, &arena, &room);
@@ -290,9 +290,16 @@ void body_missed_inertia(Body *body, const StepEnd *end, double *drift, MissedIn
         rate[j] = rule->p21[j] * was + rule->p22[j] * rate[j] + rule->gv[j] * mean;
         before[j] = room.momentum[j];
     }
+}
+
+void body_missed_inertia(Body *body, const StepEnd *end, double *drift, MissedInertia *so_far) {
+    const Program *p = body->p;
+    const int64_t m = p->modes;
+    /* Nothing is left out of what does not move. */
+    if (!all_zero(end->v, m) || !all_zero(end->v0, m) || !all_zero(drift, 3 * m)) follow_drift(body, end, drift, drift + m, drift + 2 * m);
     const double least = UNSEEN * p->body_size[0];
     so_far->time += end->step;
-    so_far->off += end->step * linear_reach(p, off);
+    so_far->off += end->step * linear_reach(p, drift);
     so_far->moved += end->step * linear_reach(p, end->q);
     if (isfinite(so_far->off) && so_far->off > 0.0)
         so_far->error = (p->inertial ? BEYOND : 1.0) * sqrt(so_far->off / fmax(so_far->moved, least * least * so_far->time));
