@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -284,12 +285,9 @@ def build_fmu(
     cores_for(runtime, platforms, report, fmi)
     config = read_body_file(body_file) if isinstance(body_file, Path) else body_file
     body = reduce_body(config, report, store)
-    with report.stage(f"Write {output}"):
-        if modal_file is None:
-            package_fmu(body, output, runtime, platforms, fmi=fmi)
-        else:
-            # The modal file takes its name once the FMU is there.
-            with whole_file(modal_file) as part:
-                write_modal_file(body, part)
-                package_fmu(body, output, runtime, platforms, fmi=fmi)
+    # The modal file takes its name once the FMU is there.
+    with report.stage(f"Write {output}"), nullcontext() if modal_file is None else whole_file(modal_file) as part:
+        if part is not None:
+            write_modal_file(body, part)
+        package_fmu(body, output, runtime, platforms, fmi=fmi)
     return body

@@ -272,8 +272,7 @@ def _halves(data: IntArray, first: int) -> IntArray:
         ac = first + np.arange(len(data))
         halves[0] += [ab, bc, ac, up[0], up[1], up[2]]
         halves[1] += [ac, cd, da, up[0], up[2], up[3]]
-    found: IntArray = np.array(halves).transpose(2, 0, 1).reshape(2 * len(data), -1)
-    return found
+    return np.array(halves).transpose(2, 0, 1).reshape(2 * len(data), -1)
 
 
 def _filled(mesh: Mesh, contents: Contents, heights: FloatArray, solids: int) -> Mesh:

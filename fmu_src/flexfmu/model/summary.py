@@ -41,8 +41,7 @@ def missed_loads(body: ReducedBody) -> dict[str, float]:
 def _compliance(body: ReducedBody) -> FloatArray:
     """Elastic displacement and rotation (I, 6) of interfaces along unit loads of their own, m/N and 1/(N m)."""
     motion = np.concatenate([body.interface_displacement, body.interface_rotation], axis=1)[:, :, body.rigid_count :]
-    found: FloatArray = ((motion / body.angular_frequency[body.rigid_count :]) ** 2).sum(axis=2)
-    return found
+    return ((motion / body.angular_frequency[body.rigid_count :]) ** 2).sum(axis=2)
 
 
 def missed_words(body: ReducedBody) -> str:

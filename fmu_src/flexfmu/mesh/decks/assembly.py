@@ -23,7 +23,7 @@ class _Instance:
     """An *INSTANCE card and what stands between it and *END INSTANCE."""
 
     card: Card
-    own: list[Card] = field(default_factory=list)
+    own: list[Card]
 
 
 @dataclass(slots=True)
@@ -124,7 +124,7 @@ def _until(end: str, begin: Card, cards: Iterator[Card]) -> list[Card]:
     for card in cards:
         if card.key == end:
             return found
-        if card.key in ("PART", "ASSEMBLY", "STEP") or (card.key in STRUCTURE and begin.key == "PART"):
+        if card.key in ("PART", "ASSEMBLY", "STEP") or (card.key in STRUCTURE and begin.key != "ASSEMBLY"):
             break
         found.append(card)
     raise begin.line.error(f"this *{begin.keyword} has no *END {begin.keyword}; the deck may have been cut short")
@@ -132,36 +132,20 @@ def _until(end: str, begin: Card, cards: Iterator[Card]) -> list[Card]:
 
 def _split(cards: Sequence[Card]) -> tuple[list[_Instance], list[Card]]:
     """Instances of an assembly, and its own cards."""
-    instances: list[_Instance] = []
-    own: list[Card] = []
-    inside = False
-    for card in cards:
+    instances, own, source = list[_Instance](), list[Card](), iter(cards)
+    for card in source:
         if card.key == "INSTANCE":
-            if inside:
-                break
-            instances.append(_Instance(card))
-            inside = True
-        elif card.key == "ENDINSTANCE":
-            inside = False
-        elif inside:
-            instances[-1].own.append(card)
-        else:
+            instances.append(_Instance(card, _until("ENDINSTANCE", card, source)))
+        elif card.key != "ENDINSTANCE":
             own.append(card)
-    if inside:
-        raise instances[-1].card.line.error("this *INSTANCE has no *END INSTANCE; the deck may have been cut short")
     return instances, own
 
 
 def _highest(cards: Sequence[Card]) -> int:
     """Highest number of a node or element of some cards; malformed rows are refused where they are read."""
-    highest = 0
-    for card in cards:
-        if card.key in ("NODE", "ELEMENT"):
-            for line in card.data:
-                first = line.text.split(",", 1)[0].strip()
-                if first.isdecimal() and len(first) <= _DIGITS:
-                    highest = max(highest, int(first))
-    return highest
+    lines = (line for card in cards if card.key in ("NODE", "ELEMENT") for line in card.data)
+    first = (line.text.split(",", 1)[0].strip() for line in lines)
+    return max((int(one) for one in first if one.isdecimal() and len(one) <= _DIGITS), default=0)
 
 
 def _placement(card: Card) -> tuple[FloatArray, FloatArray] | tuple[None, None]:

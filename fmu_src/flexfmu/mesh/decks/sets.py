@@ -69,10 +69,7 @@ class SetTable:
         """
         read = self._generated if "GENERATE" in card.parameters else self._line
         scope = self.inside(card)
-        rows: set[int] = set()
-        for line in card.data:
-            rows |= read(line, scope)
-        self.extend(card.scope.qualified(name), rows)
+        self.extend(card.scope.qualified(name), set[int]().union(*(read(line, scope) for line in card.data)))
         self.unsorted |= {card.scope.qualified(name).upper()} if "UNSORTED" in card.parameters else set()
 
     def inside(self, card: Card) -> Scope:

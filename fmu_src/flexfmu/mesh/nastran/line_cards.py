@@ -146,8 +146,7 @@ def _constant(stations: FloatArray, title: str) -> FloatArray:
     """What all stations (s, k) along a beam have in common."""
     if (np.ptp(stations, axis=0) > _ROUND_OFF * np.abs(stations).max(axis=0)).any():
         raise MeshError(f"{title} changes along the beam: not supported; give several beams their mean sections")
-    found: FloatArray = stations.mean(axis=0)
-    return found
+    return stations.mean(axis=0)
 
 
 def _sheared(given: Any, area: float) -> list[float]:
@@ -189,8 +188,7 @@ def basic(vector: FloatArray, system: int, model: Any, title: str) -> FloatArray
     if not known.type.endswith("R"):
         raise MeshError(f"{title} has a vector in {known.type} {system}, expected rectangular systems")
     origin, there = (known.transform_node_to_global_no_xref(one, model) for one in (np.zeros(3), vector))
-    found: FloatArray = there - origin
-    return found
+    return there - origin
 
 
 SPRINGS = ("CELAS1", "CELAS2", "CDAMP1", "CDAMP2", "CBUSH")
