@@ -153,7 +153,7 @@ def modal_file() -> str:
     from flexfmu.model.arrays import ARRAYS
     from flexfmu.model.reduced_body import GROUPS
 
-    entries = [*ARRAYS["body"], *(entry for part in GROUPS for entry in part.entries)]
+    entries = [*ARRAYS["body"], *(entry for part in GROUPS for entry in ARRAYS[part])]
     rows = [f"| `{entry.path}` | {entry.unit} | {entry.description} |" for entry in entries]
     rows += [f"| `stress/NNN_NAME/{entry.path}` | {entry.unit} | {entry.description} |" for entry in ARRAYS["stress"]]
     return "\n".join(["| dataset | unit | shape, meaning |", "|---|---|---|", *rows])

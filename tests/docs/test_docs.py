@@ -218,7 +218,7 @@ def test_toml_of_the_pages_is_valid():
 
 def test_the_site_lists_every_dataset_and_every_option():
     datasets, commands_page = (filled(PAGES[f"reference/{name}.md"]) for name in ("modal-file", "commands"))
-    for entry in (*ARRAYS["body"], *(entry for part in GROUPS for entry in part.entries)):
+    for entry in (*ARRAYS["body"], *(entry for part in GROUPS for entry in ARRAYS[part])):
         assert f"`{entry.path}`" in datasets, entry.path
     for name, command in typer.main.get_command(app).commands.items():
         assert f"`flexfmu {name}`" in commands_page

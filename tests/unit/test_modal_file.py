@@ -339,7 +339,7 @@ def with_parts():
             return tuple(f"name_{k}" for k in range(shape[0]))
         return rng.integers(0, s, shape) if entry.kind is int else np.abs(rng.standard_normal(shape))
 
-    parts = {part.attribute: part.kind(**{e.name: made(e) for e in part.entries}) for part in GROUPS}
+    parts = {part: kind(**{e.name: made(e) for e in ARRAYS[part]}) for part, kind in GROUPS.items()}
     optional = {entry.name: made(entry) for entry in ARRAYS["body"] if entry.optional}
     stresses = tuple(StressSet(name, *(made(entry) for entry in ARRAYS["stress"])) for name in ("a", "b"))
     return replace(body, stress_sets=stresses, method=Method.FRAMES, mass=Mass.CONFIGURATION, **parts, **optional)
@@ -351,8 +351,8 @@ def test_every_part_comes_back_bit_by_bit_and_cannot_be_written_to(tmp_path):
     again = read_modal_file(tmp_path / "body.h5")
     assert (again.method, again.mass) == (Method.FRAMES, Mass.CONFIGURATION)
     for part in GROUPS:
-        for entry in part.entries:
-            before, after = (getattr(getattr(one, part.attribute), entry.name) for one in (body, again))
+        for entry in ARRAYS[part]:
+            before, after = (getattr(getattr(one, part), entry.name) for one in (body, again))
             np.testing.assert_array_equal(before, after, err_msg=entry.path)
             if entry.kind is not str:
                 assert not after.flags.writeable, entry.path
@@ -360,37 +360,35 @@ def test_every_part_comes_back_bit_by_bit_and_cannot_be_written_to(tmp_path):
         assert before.name == after.name
         np.testing.assert_array_equal(before.stress, after.stress)
     found = datasets(tmp_path / "body.h5")
-    listed = [entry.path for entry in ARRAYS["body"]] + [entry.path for part in GROUPS for entry in part.entries]
+    listed = [entry.path for entry in ARRAYS["body"]] + [entry.path for part in GROUPS for entry in ARRAYS[part]]
     assert set(found) == {*listed, *(f"stress/00{k}_{'ab'[k]}/{e.path}" for k in range(2) for e in ARRAYS["stress"])}
 
 
-@pytest.mark.parametrize("part", GROUPS, ids=lambda part: part.attribute)
+@pytest.mark.parametrize("part", GROUPS)
 def test_a_part_of_another_body_is_refused_by_its_array(part):
     body = with_parts()
     refused = 0
-    for entry in part.entries:
-        value = getattr(getattr(body, part.attribute), entry.name)
+    for entry in ARRAYS[part]:
+        value = getattr(getattr(body, part), entry.name)
         for axis, token in enumerate(entry.shape.split()):
             if entry.kind is not str and token not in ("P", "T", "n", "f", "k"):
                 # One too many along an axis whose size others tell.
                 longer = np.concatenate([value, value.take([-1], axis)], axis)
-                with pytest.raises(ModalFileError, match=f"{part.attribute}: .* has shape"):
-                    replace(body, **{part.attribute: replace(getattr(body, part.attribute), **{entry.name: longer})})
+                with pytest.raises(ModalFileError, match=f"{part}: .* has shape"):
+                    replace(body, **{part: replace(getattr(body, part), **{entry.name: longer})})
                 refused += 1
     assert refused > 0
 
 
-@pytest.mark.parametrize("part", GROUPS, ids=lambda part: part.attribute)
+@pytest.mark.parametrize("part", GROUPS)
 def test_numbers_that_are_not_finite_are_refused_in_every_part(part):
     body = with_parts()
-    for entry in part.entries:
+    for entry in ARRAYS[part]:
         if entry.kind is float:
-            value = np.array(getattr(getattr(body, part.attribute), entry.name))
+            value = np.array(getattr(getattr(body, part), entry.name))
             value.flat[-1] = np.nan
-            with pytest.raises(
-                ModalFileError, match=f"{part.attribute}: {entry.name} holds values that are not finite"
-            ):
-                replace(body, **{part.attribute: replace(getattr(body, part.attribute), **{entry.name: value})})
+            with pytest.raises(ModalFileError, match=f"{part}: {entry.name} holds values that are not finite"):
+                replace(body, **{part: replace(getattr(body, part), **{entry.name: value})})
 
 
 @pytest.mark.slow

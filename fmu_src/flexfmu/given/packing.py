@@ -286,16 +286,9 @@ def _subdomains(
     mass = given.nodal_mass[rows]
     heavy = np.flatnonzero(mass > 0.0)
     whole = by_node(heavy, mass[heavy])
-    none = np.zeros(0, dtype=np.int64)
-    floating = (
-        [
-            Subdomain(
-                "floating", GROUND, none, whole, fitted_rotation(points, whole), whole, whole.centre(points), (), True
-            )
-        ]
-        if model.rigid.shape[1]
-        else []
-    )
+    none, turn = np.zeros(0, dtype=np.int64), fitted_rotation(points, whole)
+    free = Subdomain("floating", GROUND, none, whole, turn, whole, whole.centre(points), (), True)
+    floating = [free] if model.rigid.shape[1] else []
     if model.mesh.blocks:
         found, warnings = body_subdomains(options, model)
         for text in warnings:
@@ -314,7 +307,7 @@ def _subdomains(
     if floating or options.levels == 0:
         return floating
     joint = by_node(np.flatnonzero(model.fixed.any(axis=1)))
-    return [Subdomain("body", GROUND, none, whole, fitted_rotation(points, whole), joint, joint.centre(points))]
+    return [Subdomain("body", GROUND, none, whole, turn, joint, joint.centre(points))]
 
 
 def _surface(

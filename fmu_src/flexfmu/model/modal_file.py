@@ -28,10 +28,7 @@ FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation
 
 def _datasets(body: ReducedBody) -> Iterator[tuple[str, Entry, Any]]:
     """Path, table's row and value of everything that a body holds, in a fixed order."""
-    for holder, entries in [
-        (body, ARRAYS["body"]),
-        *((getattr(body, part.attribute), part.entries) for part in GROUPS),
-    ]:
+    for holder, entries in [(body, ARRAYS["body"]), *((getattr(body, part), ARRAYS[part]) for part in GROUPS)]:
         for entry in entries if holder is not None else ():
             value = getattr(holder, entry.name)
             if value is not None:
@@ -218,9 +215,7 @@ def _read(file: Any, name: str) -> ReducedBody:
 def _read_body(group: Any, attributes: Any) -> ReducedBody:
     """The arrays of a body, and of the shadow in its group, which is used as the body is."""
     contents = _read_entries(group, ARRAYS["body"])
-    contents |= {
-        one.attribute: one.kind(**_read_entries(group, one.entries)) for one in GROUPS if one.attribute in group
-    }
+    contents |= {one: kind(**_read_entries(group, ARRAYS[one])) for one, kind in GROUPS.items() if one in group}
     if "shadow" in group:
         contents["shadow"] = Shadow(_read_body(group["shadow"], attributes), **_read_entries(group, ARRAYS["shadow"]))
     return ReducedBody(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..files.array_types import FloatArray, IntArray
-from .arrays import ARRAYS, Entry, in_single, settle
+from .arrays import ARRAYS, in_single, settle
 from .errors import ModalFileError
 from .inertia import LumpedMass, MassPolynomial
 from .membrane import Membrane
@@ -339,9 +339,9 @@ class ReducedBody:
         sizes["K"] += 0 if self.ties is None else 2 * len(self.ties.stiffness)
         settle(self, ARRAYS["body"], sizes)
         for part in GROUPS:
-            value = getattr(self, part.attribute)
+            value = getattr(self, part)
             if value is not None:
-                settle(value, part.entries, sizes, part.attribute)
+                settle(value, ARRAYS[part], sizes, part)
         for stresses in self.stress_sets:
             settle(stresses, ARRAYS["stress"], sizes, f"stress set {stresses.name!r}")
         if self.shadow is not None:
@@ -451,32 +451,15 @@ class Shadow:
         object.__setattr__(self, "body", replace(self.body, **rounded))
 
 
-@dataclass(frozen=True, slots=True)
-class Group:
-    """What a body may hold besides its own arrays.
-
-    Attributes
-    ----------
-    attribute : str
-        Of `ReducedBody`; also the group of the modal file.
-    kind : type
-    entries : tuple of Entry
-    """
-
-    attribute: str
-    kind: type
-    entries: tuple[Entry, ...]
-
-
-GROUPS = (
-    Group("whole", WholeFrame, ARRAYS["whole"]),
-    Group("masses", Masses, ARRAYS["masses"]),
-    Group("inertia", LumpedMass, ARRAYS["inertia"]),
-    Group("polynomial", MassPolynomial, ARRAYS["polynomial"]),
-    Group("ties", Ties, ARRAYS["ties"]),
-    Group("second", SecondOrder, ARRAYS["second"]),
-    Group("membrane", Membrane, ARRAYS["membrane"]),
-    Group("properties", Properties, ARRAYS["properties"]),
-    Group("surface", Surface, ARRAYS["surface"]),
-)
-"""Those that are there only where a body was built with them; stress sets have a group each."""
+GROUPS: dict[str, type] = {
+    "whole": WholeFrame,
+    "masses": Masses,
+    "inertia": LumpedMass,
+    "polynomial": MassPolynomial,
+    "ties": Ties,
+    "second": SecondOrder,
+    "membrane": Membrane,
+    "properties": Properties,
+    "surface": Surface,
+}
+"""What a body may hold besides its own arrays, by its attribute, which names the group of the modal file, too."""

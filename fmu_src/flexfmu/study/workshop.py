@@ -179,7 +179,7 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
     ReducedBody
     """
     parts = ("whole", "masses", "ties", "inertia", "polynomial", "second")
-    known = {one.attribute: (getattr(body, one.attribute), one.entries) for one in GROUPS if one.attribute in parts}
+    known = {one: (getattr(body, one), ARRAYS[one]) for one in GROUPS if one in parts}
     changes = turned(body, [entry for entry in ARRAYS["body"] if entry.shape != "m"], turn)
     changes |= {name: part and replace(part, **turned(part, entries, turn)) for name, (part, entries) in known.items()}
     # Products that the mass leaves out are of the old coordinates: a trial goes without their watch.
