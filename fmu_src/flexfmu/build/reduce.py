@@ -223,17 +223,14 @@ def _off(point: FloatArray, low: FloatArray, high: FloatArray) -> float:
 
 def _provenance(config: BodySpec, mesh: Mesh, origin: Mapping[str, str]) -> dict[str, str]:
     """Hashes of what went in, and what made it."""
+    chosen_modes = {NORMAL_MODES: " ".join(map(str, config.reduction.numbers))}
     return {
         **origin,
         "body_sha256": hashlib.sha256(config.model_dump_json(exclude={"mesh": {"file"}}).encode()).hexdigest(),
         "nodes": str(len(mesh.points)),
         "elements": str(mesh.element_count),
         "flexfmu_version": __version__,
-        **(
-            {NORMAL_MODES: " ".join(map(str, config.reduction.numbers))}
-            if isinstance(config.reduction.modes, list)
-            else {}
-        ),
+        **(chosen_modes if isinstance(config.reduction.modes, list) else {}),
     }
 
 

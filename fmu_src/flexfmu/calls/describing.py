@@ -52,6 +52,7 @@ def data(body: ReducedBody) -> dict[str, object]:
     """
     frames = [None if int(parent) == GROUND else body.frame_names[int(parent)] for parent in body.frame_parent]
     carriers = _carriers(body)
+    modes = zip(_mode_names(body), body.angular_frequency.tolist(), body.damping_ratio.tolist(), strict=True)
     return {
         "name": body.name,
         "method": chosen(body).words,
@@ -59,10 +60,7 @@ def data(body: ReducedBody) -> dict[str, object]:
         "properties": body.properties,
         "missed_by_basis": missed_loads(body),
         "modes": [
-            {"name": name, "frequency": omega / (2 * math.pi), "damping_ratio": ratio}
-            for name, omega, ratio in zip(
-                _mode_names(body), body.angular_frequency.tolist(), body.damping_ratio.tolist(), strict=True
-            )
+            {"name": name, "frequency": omega / (2 * math.pi), "damping_ratio": ratio} for name, omega, ratio in modes
         ],
         "interfaces": [
             {"name": name, "point": place, "frame": frame}

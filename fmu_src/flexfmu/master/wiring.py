@@ -270,6 +270,7 @@ def wire(coupling: CouplingFile) -> layout.Wiring:
     base[[input_place[pair] for pair in (*linked, *tabled)]] = 0.0
     coupled = np.any(matrix != 0.0, axis=1)
     coupled[laid_ends.loads[laid_ends.loads >= 0]] = True
+    fed_place = {pair: place for pair, place in input_place.items() if coupled[place]}
     return layout.Wiring(
         roles=tuple(_roles(descriptions, starts, inputs, signals)),
         input_names=tuple(f"{fmu}.{name}" for fmu, name in input_place),
@@ -280,9 +281,7 @@ def wire(coupling: CouplingFile) -> layout.Wiring:
         tables=tuple(_fed(rows, [input_place[fmu, n] for n in names]) for fmu, (names, rows) in tables.items()),
         springs=lay_springs(coupling.spring, ends),
         ends=laid_ends,
-        responses=lay_responses(
-            descriptions, {pair: place for pair, place in input_place.items() if coupled[place]}, signal_place
-        ),
+        responses=lay_responses(descriptions, fed_place, signal_place),
         recorded=_recorded(coupling.output.variables, descriptions),
         nominal=np.array([descriptions[fmu].nominal(name) for fmu, name in signal_place]),
     )

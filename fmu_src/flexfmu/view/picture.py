@@ -235,11 +235,5 @@ def _legend(panel: Any, view: View, colour: str) -> None:
         if region.title == colour:
             used = [k for k in range(len(region.names)) if np.any(region.number == k)]
             handles = [panel.plot([], [], "s", color=region_colour(k), label=region.names[k])[0] for k in used]
-            panel.legend(
-                handles=handles,
-                title=region.title,
-                loc="center left",
-                bbox_to_anchor=(1.0, 0.5),
-                frameon=False,
-                fontsize=9,
-            )
+            beside = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
+            panel.legend(handles=handles, title=region.title, frameon=False, fontsize=9, **beside)

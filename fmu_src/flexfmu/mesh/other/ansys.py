@@ -157,16 +157,14 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
     notes += _joined(text, path, kind_of_type)
     materials, of_number = _materials(text, path, units)
     cells, cell_labels, material = cells_of(kinds, row, of_number, f"{path}: an element names node")
+    sets = {**archive.element_components, **{_NAME.format(k): members for k, members in shells.items()}}
     mesh = meshio.Mesh(
         places,
         cells,
         point_sets={name.strip(): _rows(numbers, row) for name, numbers in archive.node_components.items()},
         cell_sets={
             name.strip(): [np.flatnonzero(np.isin(numbers, members)) for numbers in cell_labels]
-            for name, members in [
-                *archive.element_components.items(),
-                *((_NAME.format(k), m) for k, m in shells.items()),
-            ]
+            for name, members in sets.items()
         },
     )
     return Contents(mesh, labels, cell_labels, materials, material, tuple(notes), shells=faces, beams=beams)
