@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..body.reference_loads import keeps_its_mass
 from ..files.array_types import FloatArray
 from ..files.errors import plural
 from ..files.progress import Reporter
@@ -21,7 +22,7 @@ from ..fmu.runtime import Runtime
 from ..mesh.checks import implausible
 from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
-from ..model.methods import Mass, Variant
+from ..model.methods import Data, Mass, Variant
 from ..model.modal_file import write_modal_file
 from ..model.reduced_body import Properties, ReducedBody, Surface
 from ..model.summary import NORMAL_MODES, first_frequency, missed_words, summary
@@ -42,6 +43,10 @@ from .config import BodyFile, BodySpec, read_body_file
 _HEAVY_DAMPING = 0.3
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
+_FAR_BENT = (
+    "sudden loads may bend it beyond its mass polynomial: it has the mass of its lumps, whose steps cost more "
+    '(mass = "polynomial" in [formulation] keeps to the polynomial)'
+)
 
 
 def reduce_body(
@@ -123,8 +128,21 @@ def reduce_mesh(
     if use.variant.mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
         use = replace(use, variant=Variant(use.variant.method))
     body = used_body(body, use)
+    # Who asks for a mass has it.
+    if config.formulation.mass is None and config.reduction.inertia is not False and not keeps_its_mass(body):
+        body = _with_lumps(body, options, model, report, store)
     _tell(config, body, report)
     return body
+
+
+def _with_lumps(body: ReducedBody, options: BodyOptions, model: Model, report: Reporter, store: Store) -> ReducedBody:
+    """The body with the mass of its lumps (13) in place of the polynomial."""
+    report.note(_FAR_BENT)
+    with report.stage("Find the lumps of its mass"):
+        heavy, stored = Variant(body.method, Mass.CONFIGURATION), options.stored | {Data.INERTIA}
+        alone = replace(options, variant=heavy, stored=stored, certificate=False, watched=False, surface=False)
+        inertia = body.inertia or reduced_whole(alone, model, Reporter(), store).body.inertia
+    return replace(body, mass=Mass.CONFIGURATION, inertia=inertia)
 
 
 def _properties(options: BodyOptions, model: Model) -> Properties:

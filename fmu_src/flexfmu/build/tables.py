@@ -408,7 +408,8 @@ class FormulationTable(Table):
         Default: `"second_order"`; where that is impossible `"frames"`; with `frames = 0` `"linear"`
     mass
         `"constant"`: of the undeformed body; `"configuration"`: of the deformed one; `"polynomial"`: to second order.
-        Default: `"polynomial"` with `"second_order"` in one piece; else `"constant"`
+        Default: `"polynomial"` (`"configuration"` where that ends too soon) with `"second_order"` in one piece; else
+        `"constant"`
     """
 
     method: Method | None = Field(default=None, strict=False)

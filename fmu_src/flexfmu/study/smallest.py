@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ..body.flexible_body import FlexibleBody
+from ..body.reference_loads import reference_loads
 from ..build.config import BodyFile, read_body_file
 from ..build.tables import FormulationTable
 from ..core.interface import parameter
-from ..files.array_types import FloatArray
 from ..files.errors import BodyFileError, plural
 from ..files.progress import Reporter
 from ..files.store import Store
@@ -24,12 +24,6 @@ from .scene.config import AcceptedTable, SceneError, SceneFile, StaticTable, Tol
 from .scene.scene import AXES, made_scene
 from .workshop import Workshop, build
 
-# Reference loads turn an interface by so much (rad), or move it by such a share of the body's size, in linear theory.
-_TURN, _MOVE = 0.5, 0.2
-# A direction that is stiffer by more is not loaded: the body would give way across it first.
-_STIFF = 100.0
-# Where the body has no equilibrium a load is halved, so often at most.
-_HALVES = 6
 # Beyond this it tells no more than that the motion is wrong, as FMUs say, too.
 _WRONG = 0.1
 _FRAMES = (0, 1, 2, None, 8, 16)
@@ -112,42 +106,6 @@ def reference_scene(given: BodyFile, store: Store) -> SceneFile:
         for name, of, force in reference_loads(FlexibleBody(body))
     ]
     return SceneFile(static=cases)
-
-
-def reference_loads(model: FlexibleBody) -> Iterator[tuple[str, str, FloatArray]]:
-    """Forces on each interface across the directions in which it is stiff, as far as the body bears them.
-
-    Parameters
-    ----------
-    model : FlexibleBody
-        Held, with its properties.
-
-    Yields
-    ------
-    name : str
-    interface : str
-    force : (3,) float
-        N.
-    """
-    body = model.model
-    size = float(np.ptp(np.array(body.properties.box), axis=0).max()) if body.properties else 0.0
-    every = body.interface_names, body.interface_displacement, body.interface_rotation
-    for name, moved, turned in zip(*every, strict=True):
-        gives, turns = ((part / body.angular_frequency**2) @ moved.T for part in (moved, turned))
-        softness, ways = np.linalg.eigh(gives)
-        # The stiffest direction of a slender body is along it.
-        for number in (2, 1):
-            if softness[number] * _STIFF < softness[2]:
-                continue
-            way = ways[:, number]
-            force = min(_MOVE * size / softness[number], _TURN / max(float(np.linalg.norm(turns @ way)), 1e-300)) * way
-            for _ in range(_HALVES):
-                try:
-                    model.static({name: force})
-                    break
-                except EquilibriumError:
-                    force = 0.5 * force
-            yield f"{name}_{3 - number}", name, force
 
 
 def own_error(body: ReducedBody) -> str:

@@ -1,0 +1,72 @@
+"""Loads that bend a body as far as it is likely to be bent, where nobody says how far."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from ..files.array_types import FloatArray
+from ..model.errors import EquilibriumError
+from ..model.methods import Mass
+from ..model.reduced_body import ReducedBody
+from .flexible_body import FlexibleBody
+
+# Reference loads turn an interface by so much (rad), or move it by such a share of the body's size, in linear theory.
+_TURN, _MOVE = 0.5, 0.2
+# A direction that is stiffer by more is not loaded: the body would give way across it first.
+_STIFF = 100.0
+# Where the body has no equilibrium a load is halved, so often at most.
+_HALVES = 6
+# A load that acts suddenly bends a body so many times as far as a slow one.
+_SUDDEN = 2.0
+# A step that only asks for the mass, in times over the highest frequency.
+_SHORT = 1e-6
+
+
+def reference_loads(model: FlexibleBody) -> Iterator[tuple[str, str, FloatArray]]:
+    """Forces on each interface across the directions in which it is stiff, as far as the body bears them.
+
+    Parameters
+    ----------
+    model : FlexibleBody
+        Held, with its properties.
+
+    Yields
+    ------
+    name : str
+    interface : str
+    force : (3,) float
+        N.
+    """
+    body = model.model
+    size = float(np.ptp(np.array(body.properties.box), axis=0).max()) if body.properties else 0.0
+    every = body.interface_names, body.interface_displacement, body.interface_rotation
+    for name, moved, turned in zip(*every, strict=True):
+        gives, turns = ((part / body.angular_frequency**2) @ moved.T for part in (moved, turned))
+        softness, ways = np.linalg.eigh(gives)
+        # The stiffest direction of a slender body is along it.
+        for number in (2, 1):
+            if softness[number] * _STIFF < softness[2]:
+                continue
+            way = ways[:, number]
+            force = min(_MOVE * size / softness[number], _TURN / max(float(np.linalg.norm(turns @ way)), 1e-300)) * way
+            for _ in range(_HALVES):
+                try:
+                    model.static({name: force.tolist()})
+                    break
+                except EquilibriumError:
+                    force = 0.5 * force
+            yield f"{name}_{3 - number}", name, force
+
+
+def keeps_its_mass(body: ReducedBody) -> bool:
+    """Whether a held body's mass polynomial reaches as far as reference loads bend it that act suddenly."""
+    if body.rigid_count or body.mass is not Mass.POLYNOMIAL:
+        return True
+    model, step = FlexibleBody(body), _SHORT / float(body.angular_frequency[-1])
+    still, loads, answers = np.zeros(model.core.modes), np.zeros(model.core.loads), set()
+    for _, name, force in reference_loads(model):
+        with suppress(EquilibriumError):
+            q = _SUDDEN * model.static({name: force.tolist()}).q
+            answers.add(model.core.step(q, still, loads, step)[0].name)
+    return "BEYOND_MASS" not in answers
