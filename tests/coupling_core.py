@@ -16,7 +16,7 @@ from flexfmu.core.structures import Arrays
 from flexfmu.master.loop import joined, participating, wired
 from flexfmu.master.participants import Participant
 
-FILES = ("vectors", "algebra", "arena", "joints", "acceleration", "exchange", "doubts", "participant")
+FILES = ("vectors", "algebra", "joints", "acceleration", "exchange", "doubts", "participant")
 # Calls with the work arrays that they need.
 MORE = """
 #include <stdlib.h>
