@@ -367,6 +367,7 @@ def test_a_body_is_packaged_once_for_all_its_methods_of_one_mass(bent_beam, tmp_
     variants, turning = [FRAMES, Variant(Method.LINEAR)], Variant(Method.SECOND_ORDER, Mass.POLYNOMIAL)
     workshop = Workshop(bent_beam, Reporter(), store)
     body = workshop.build(Reduction(BasisChoice.NORMAL, 3, 1), [*variants, turning]).body
+    fewer = [workshop.shared(Reduction(BasisChoice.NORMAL, 3, 1)).body for _ in range(2)]
     with closing(FmuTimer(tmp_path)) as timer:
         for variant in variants:
             found = timer.times(body, bent_beam, 1e-3, variant, StepLimits())
@@ -379,8 +380,11 @@ def test_a_body_is_packaged_once_for_all_its_methods_of_one_mass(bent_beam, tmp_
         assert len(packaged) == 1
         timer.times(body, bent_beam, 1e-3, turning, StepLimits())
         assert [one.mass for one in packaged] == [Mass.CONSTANT, Mass.POLYNOMIAL]
-        # It goes on after that.
+        # It goes on after that, and after another body.
         assert timer.times(body, bent_beam, 1e-3, FRAMES, StepLimits())["fmu_us"] > 0.0
+        for one in (*fewer, body):
+            timer.times(one, bent_beam, 1e-3, FRAMES, StepLimits())
+        assert len(packaged) == 3
 
 
 @pytest.mark.slow

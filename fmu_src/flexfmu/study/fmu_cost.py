@@ -62,8 +62,8 @@ class FmuTimer:
     def __init__(self, folder: Path):
         self._folder = folder
         self._empty: dict[tuple[str, ...], str] = {}
-        self._body: ReducedBody | None = None
-        self._loaded: dict[Mass, tuple[str, str]] = {}
+        # By identity, with the body, which so keeps it.
+        self._loaded: dict[tuple[int, Mass], tuple[ReducedBody, str, str]] = {}
         self._count = 0
         self._process: Worker | None = None
 
@@ -75,7 +75,7 @@ class FmuTimer:
         Parameters
         ----------
         body : ReducedBody
-            With the data of all variants that it will be timed with; packaged when it is another one than before.
+            With the data of all variants that it will be timed with; packaged once for each mass.
         scene : Scene
         step : float
             s.
@@ -101,9 +101,8 @@ class FmuTimer:
 
     def _ready(self, body: ReducedBody, variant: Variant) -> tuple[str, str]:
         """Names of a body's FMU and of its empty companion in the process that runs them."""
-        if self._body is not body:
-            self._body, self._loaded = body, {}
-        if variant.mass not in self._loaded:
+        key = id(body), variant.mass
+        if key not in self._loaded:
             self._count += 1
             name = f"body{self._count}"
             path = self._folder / f"{name}.fmu"
@@ -114,8 +113,8 @@ class FmuTimer:
             against = self._empty_fmu(inputs, outputs)
             self._ask(load, name, str(path), False)
             path.unlink()
-            self._loaded[variant.mass] = name, against
-        return self._loaded[variant.mass]
+            self._loaded[key] = body, name, against
+        return self._loaded[key][1:]
 
     def _empty_fmu(self, inputs: list[str], outputs: list[str]) -> str:
         names = (*inputs, "", *outputs)
@@ -146,7 +145,7 @@ class FmuTimer:
     def close(self) -> None:
         """End the process, and forget what was loaded in it."""
         process, self._process = self._process, None
-        self._body = None
+        self._loaded.clear()
         self._empty.clear()
         if process is not None:
             process.close()

@@ -290,6 +290,7 @@ class Workshop:
         self.crew = crew or Crew()
         self.tried = 0
         self._bodies: dict[Reduction, tuple[Built, tuple[Variant, ...]]] = {}
+        self._parts: dict[Reduction, tuple[Built, Built]] = {}
         self._step: float | None = None
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -358,7 +359,12 @@ class Workshop:
         variants = dict.fromkeys(one.variant for one in self._tried if self.most(one.reduction) == most)
         # The body starts with the first: of lumped mass alone no polynomial is known.
         built = self.build(most, sorted(variants, key=lambda one: one.mass is Mass.CONFIGURATION))
-        return replace(built, body=_part(built.body, most, reduction))
+        whole, part = self._parts.get(reduction, (None, built))
+        if whole is not built:
+            part = replace(built, body=_part(built.body, most, reduction))
+            # The same object each time: what is packaged of it serves all its models.
+            self._parts[reduction] = built, part
+        return part
 
     def errors(self, body: ReducedBody, variant: Variant, limits: StepLimits | None = None) -> SceneErrors:
         """Error of a reduced body under a variant."""
