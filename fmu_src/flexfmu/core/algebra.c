@@ -56,8 +56,8 @@ int lu_factor(double *a, int64_t *pivot, int64_t n, Slice *slice) {
                 a[best * n + j] = kept;
             }
         } else {
-            const double factor = a[k * n + i] /= a[i * n + i];
-            for (int64_t j = i + 1; factor != 0.0 && j < n; j++) a[k * n + j] -= factor * a[i * n + j];
+            const double factor = -(a[k * n + i] /= a[i * n + i]);
+            add_rows(&factor, a + i * n + i + 1, a + k * n + i + 1, 1, n - i - 1);
         }
         if (++k == n) k = ++i;
     }

@@ -20,12 +20,15 @@ typedef struct {
     ForceRoom scratch;
     TangentRoom tangents;
     Stretch stretch;
-    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *moved, *other, *plain, *bent, *error, *found, *rates, *turned, *work;
+    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *moved, *other, *plain, *bent, *error, *found, *rates, *turned, *work, *blocks;
     int64_t *pivot;
 } Room;
 /* Numbers found on the way: the largest deflection; how soft an interface is; by how much second order within frames moves
  * interfaces, of that what more frames do not change, and flattening; strain. */
 enum { REACH, SOFT, OWN, WITHIN, FLAT, STRAIN, FOUND };
+
+/* Blocks of pieces of a step of Newton's method, of which `blocks` holds how many each has. */
+enum { PLACES, FORCES, TANGENT, FACTORS, SOFTEST, BLOCKS };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = body->p;
@@ -53,6 +56,7 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->work = take(arena, m);
     room->error = take(arena, 2 * p->interfaces);
     room->found = take(arena, FOUND);
+    room->blocks = take(arena, 2 * BLOCKS);
     room->pivot = (int64_t *)take(arena, m);
 }
 
@@ -112,22 +116,41 @@ static double apart(const double *a, const double *b, int64_t interfaces, double
     return largest;
 }
 
-/* Forces and tangent of the shadow at its coordinates. Its joints do not quite fit there, and their own tension would lead
- * astray: the tangent has that of the body's. */
-static void forces_of(Body *shadow, Room *room, const double *inputs) {
+/* What is left of the shadow's forces at its coordinates. */
+static void residual_of(Body *shadow, Room *room, const double *inputs) {
     const Program *p = shadow->p;
     const int64_t m = p->modes;
-    configure(shadow, room->q, &room->at);
-    if (over(shadow->slice)) return;
     if (due(shadow->slice, (double)(3 * p->loads * m))) spread(shadow, inputs, &room->loads);
     modal_force(shadow, &room->loads, 1, &room->at, 0, &room->scratch, room->left);
     const Rows now = rows_due(shadow->slice, p->tied * m, (double)m);
     for (int64_t j = now.at; j < now.end; j++) room->left[j] += dot(p->tie_initial + j * m, room->q, m);
     stretch_at(shadow, room->q, &room->stretch);
     if (due(shadow->slice, (double)(3 * p->stretches * m))) subtract_stretch_force(shadow, &room->stretch, &room->stretch, room->left);
-    if (!over(shadow->slice)) tangent_stiffness(shadow, &room->loads, 1, &room->at, room->tense, &room->tangents, room->tangent);
 }
 
+/* Forces and tangent of the shadow at its coordinates. Its joints do not quite fit there, and their own tension would lead
+ * astray: the tangent has that of the body's. */
+static void forces_of(Body *shadow, Room *room, const double *inputs, double *blocks) {
+    const Program *p = shadow->p;
+    const int64_t m = p->modes;
+    Slice *slice = shadow->slice;
+    int64_t began = enter_block(slice, blocks + PLACES);
+    if (began >= 0) {
+        configure(shadow, room->q, &room->at);
+        leave_block(slice, began, blocks + PLACES);
+    }
+    if (over(slice)) return;
+    began = enter_block(slice, blocks + FORCES);
+    if (began >= 0) {
+        residual_of(shadow, room, inputs);
+        leave_block(slice, began, blocks + FORCES);
+    }
+    if (over(slice)) return;
+    began = enter_block(slice, blocks + TANGENT);
+    if (began < 0) return;
+    tangent_stiffness(shadow, &room->loads, 1, &room->at, room->tense, &room->tangents, room->tangent);
+    leave_block(slice, began, blocks + TANGENT);
+}
 /* Steps of inverse iteration. */
 enum { ITERATIONS = 8 };
 
@@ -165,15 +188,11 @@ static void find_softest(Room *room, const Body *shadow, int64_t e) {
     if (due(shadow->slice, 1.0)) *size = 1.0 / fmax(*size, 1.0);
 }
 
-/* One step of Newton's method from the shadow's coordinates towards its equilibrium, in place, and the softest eigenvalue of
- * its tangent; 0 where that is not stable. In motion inertia holds what is left of the body's own forces, and so it does in
- * the shadow. */
-static int newton_step(Body *shadow, Room *room, const double *inputs) {
+/* What is left of the forces, and the tangent with its factors, in coordinates of unit energy; 0 where that is not stable. */
+static int factors_of(Body *shadow, Room *room) {
     const Program *p = shadow->p;
     const int64_t m = p->modes, first = p->rigid, e = m - first;
     Slice *slice = shadow->slice;
-    forces_of(shadow, room, inputs);
-    if (over(slice)) return 1;
     const Rows now = rows_due(slice, e, (double)(13 * e));
     for (int64_t i = now.at; i < now.end; i++) {
         const int64_t a = first + i;
@@ -181,13 +200,47 @@ static int newton_step(Body *shadow, Room *room, const double *inputs) {
         room->left[a] = (room->left[a] - held) / p->omega[a];
         for (int64_t j = 0; j < e; j++) room->scaled[i * e + j] = room->tangent[a * m + first + j] / (p->omega[a] * p->omega[first + j]);
     }
-    if (!stable_tangent(room->scaled, room->factor, e, slice) || !lu_factor(room->scaled, room->pivot, e, slice)) return 0;
-    find_softest(room, shadow, e);
+    return stable_tangent(room->scaled, room->factor, e, slice) && lu_factor(room->scaled, room->pivot, e, slice);
+}
+
+/* One step of Newton's method from the shadow's coordinates towards its equilibrium, in place, and the softest eigenvalue of
+ * its tangent; 0 where that is not stable. In motion inertia holds what is left of the body's own forces, and so it does in
+ * the shadow. */
+static int newton_step(Body *shadow, Room *room, const double *inputs, double *blocks) {
+    const Program *p = shadow->p;
+    const int64_t m = p->modes, first = p->rigid, e = m - first;
+    Slice *slice = shadow->slice;
+    forces_of(shadow, room, inputs, blocks);
+    if (over(slice)) return 1;
+    int64_t began = enter_block(slice, blocks + FACTORS);
+    if (began >= 0) {
+        if (!factors_of(shadow, room)) return 0;
+        leave_block(slice, began, blocks + FACTORS);
+    }
+    if (over(slice)) return 1;
+    began = enter_block(slice, blocks + SOFTEST);
+    if (began >= 0) {
+        find_softest(room, shadow, e);
+        leave_block(slice, began, blocks + SOFTEST);
+    }
     lu_solve_one(room->scaled, room->pivot, room->left + first, e, slice);
     if (!due(slice, (double)(4 * e))) return 1;
     for (int64_t i = 0; i < e; i++) room->q[first + i] += room->left[first + i] / p->omega[first + i];
     for (int64_t i = 0; i < m; i++)
         if (!isfinite(room->q[i])) return fails(slice);
+    return 1;
+}
+
+/* One step after another. The call that counts pieces takes the second one for as many as the first. */
+static int newton_steps(Body *shadow, Room *room, const double *inputs, int again) {
+    Slice *slice = shadow->slice;
+    const Slice before = slice ? *slice : (Slice){0};
+    if (!newton_step(shadow, room, inputs, room->blocks)) return 0;
+    if (!again || over(slice)) return 1;
+    if (!slice || slice->until != COUNTS) return newton_step(shadow, room, inputs, room->blocks + BLOCKS);
+    slice->met += slice->met - before.met;
+    slice->whole += slice->whole - before.whole;
+    memcpy(room->blocks + BLOCKS, room->blocks, BLOCKS * sizeof(double));
     return 1;
 }
 
@@ -293,7 +346,7 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
         memset(room->found, 0, FOUND * sizeof(double));
         memset(room->error, 0, (size_t)(2 * interfaces) * sizeof(double));
     }
-    if (body_at(body, shadow, inputs, q, room) && (over(slice) || (newton_step(shadow, room, inputs) && (!again || newton_step(shadow, room, inputs))))) {
+    if (body_at(body, shadow, inputs, q, room) && (over(slice) || newton_steps(shadow, room, inputs, again))) {
         if (over(slice)) {
             shadow->slice = 0;
             return;

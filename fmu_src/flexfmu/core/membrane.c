@@ -66,10 +66,8 @@ void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
             const double four = 4.0 * p->stretch_sign[r];
             whole[r - group] = four * at->whole[r];
             const Rows rows = rows_due(body->slice, m, (double)(2 * m));
-            for (int64_t i = rows.at; i < rows.end; i++) {
-                const double by_slope = four * (linear[i] + 2.0 * slope[i]);
-                for (int64_t j = 0; j < m; j++) out[i * m + j] += by_slope * slope[j] + four * slope[i] * linear[j];
-            }
+            for (int64_t i = rows.at; i < rows.end; i++)
+                add_two_rows(four * (linear[i] + 2.0 * slope[i]), slope, four * slope[i], linear, out + i * m, m);
         }
         add_four(body, whole, p->stretch + group / LANES * packed_size(m), out, m);
     }

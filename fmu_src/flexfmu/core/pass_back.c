@@ -89,7 +89,7 @@ void pass_back(const Body *body, const Configuration *at, double *force, double 
 static void full_operator(const Body *body, const Configuration *at, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes;
-    if (due(body->slice, (double)(6 * p->nodes * m))) memcpy(out, p->operator_, (size_t)(6 * p->nodes * m) * sizeof(double));
+    copy_rows(p->operator_, out, m, rows_due(body->slice, 6 * p->nodes, (double)m));
     if (!p->curved) return;
     for (int64_t part = 0; part < p->parts; part++) {
         const Bend *bend = body->opened->bends + part;

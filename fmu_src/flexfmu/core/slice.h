@@ -81,6 +81,15 @@ static inline int passed(Slice *slice, int64_t pieces) {
     return 1;
 }
 
+/* Pieces of a block, which the call that counts finds: where it begins; -1 where it lies behind, and is met at once. */
+static inline int64_t enter_block(Slice *slice, const double *pieces) {
+    if (!slice || slice->until == COUNTS) return slice ? slice->met : 0;
+    return passed(slice, (int64_t)*pieces) ? -1 : slice->met;
+}
+static inline void leave_block(const Slice *slice, int64_t began, double *pieces) {
+    if (slice && slice->until == COUNTS) *pieces = (double)(slice->met - began);
+}
+
 static inline int failed(const Slice *slice) { return slice && slice->failed; }
 
 #endif

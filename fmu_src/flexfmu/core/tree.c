@@ -78,7 +78,7 @@ void four_rows(const Body *body, const double *packed, const double *x, double *
 
 void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r) {
     const int64_t groups = packed_groups(r);
-    const Rows now = rows_due(body->slice, groups, (double)(2 * LANES * r * r / groups));
+    const Rows now = rows_due(body->slice, groups, (double)(LANES * r * r / groups));
     if (now.at < now.end && !all_zero(factors, LANES)) add_packed(factors, packed, out, r, now.at, now.end);
 }
 

@@ -8,6 +8,7 @@
 
 #if defined(__x86_64__) && !defined(FLEX_NARROW)
 #include <cpuid.h>
+#include <immintrin.h>
 
 #define ALIKE static inline __attribute__((always_inline))
 #define WIDE __attribute__((target("avx")))
@@ -93,6 +94,13 @@ ALIKE void add_transposed_product_body(const double *a, const double *b, double 
 COMPILE(void, add_transposed_product, (const double *a, const double *b, double *restrict out, int64_t n, int64_t m, int64_t k),
         (a, b, out, n, m, k))
 
+ALIKE void add_two_rows_body(double p, const double *a, double q, const double *b, double *restrict out, int64_t m) {
+    COUNT(4 * m);
+    for (int64_t j = 0; j < m; j++) out[j] += p * a[j] + q * b[j];
+}
+
+COMPILE(void, add_two_rows, (double p, const double *a, double q, const double *b, double *restrict out, int64_t m), (p, a, q, b, out, m))
+
 #ifdef FLEX_COUNT
 int64_t flex_operations;
 #endif
@@ -109,17 +117,31 @@ static int64_t first_row(int64_t group, int64_t r) { return group < r / BLOCK ? 
 
 /* Numbers of the rows before a. */
 static int64_t packed_before(int64_t a, int64_t r) {
-    int64_t pairs = 0;
-    for (int64_t row = 0, rows; row < a; row += rows) {
-        rows = rows_of_group(row, r);
-        pairs += rows * (r - row);
-    }
+    const int64_t most = r / BLOCK * BLOCK, whole = a < most ? a : most, blocks = whole / BLOCK, rest = a - whole;
+    const int64_t pairs = BLOCK * (blocks * r - BLOCK * blocks * (blocks - 1) / 2) + rest * (r - whole) - rest * (rest - 1) / 2;
     return LANES * pairs;
 }
 
 int64_t packed_size(int64_t r) { return packed_before(r, r); }
 
 int64_t packed_total(int64_t matrices, int64_t r) { return (matrices + LANES - 1) / LANES * packed_size(r); }
+
+#if defined(__x86_64__) && !defined(FLEX_NARROW)
+/* Rows a to a + BLOCK of four matrices: sums of their numbers times factors in the order of add_packed. */
+WIDE static void add_block_wide(const double *factors, const double *packed, double *out, int64_t r, int64_t a) {
+    const __m256d factor = _mm256_loadu_pd(factors);
+    for (int64_t b = a; b < r; b++, packed += BLOCK * LANES) {
+        __m256d product[BLOCK];
+        double sums[BLOCK];
+        for (int row = 0; row < BLOCK; row++) product[row] = _mm256_mul_pd(factor, _mm256_loadu_pd(packed + row * LANES));
+        const __m256d first = _mm256_hadd_pd(product[0], product[1]), last = _mm256_hadd_pd(product[2], product[3]);
+        const __m256d sum = _mm256_add_pd(_mm256_permute2f128_pd(first, last, 0x20), _mm256_permute2f128_pd(first, last, 0x31));
+        _mm256_storeu_pd(sums, sum);
+        for (int row = 0; row < BLOCK; row++) out[(a + row) * r + b] += sums[row];
+        if (b >= a + BLOCK) _mm256_storeu_pd(out + b * r + a, _mm256_add_pd(_mm256_loadu_pd(out + b * r + a), sum));
+    }
+}
+#endif
 
 void add_packed(const double *factors, const double *packed, double *out, int64_t r, int64_t group, int64_t end) {
     COUNT(8 * r * r * (end - group) / packed_groups(r));
@@ -128,6 +150,13 @@ void add_packed(const double *factors, const double *packed, double *out, int64_
     packed += packed_before(a, r);
     for (int64_t rows; a < last; a += rows) {
         rows = rows_of_group(a, r);
+#if defined(__x86_64__) && !defined(FLEX_NARROW)
+        if (wide && rows == BLOCK) {
+            add_block_wide(factors, packed, out, r, a);
+            packed += BLOCK * LANES * (r - a);
+            continue;
+        }
+#endif
         for (int64_t b = a; b < r; b++)
             for (int64_t row = a; row < a + rows; row++, packed += LANES) {
                 const double sum = (factors[0] * packed[0] + factors[1] * packed[1]) + (factors[2] * packed[2] + factors[3] * packed[3]);
