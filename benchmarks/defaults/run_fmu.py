@@ -91,6 +91,11 @@ class Built:
         if done.returncode:
             raise RuntimeError(f"flexfmu build {body_file} failed:\n{self.said}")
 
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of its variables."""
+        return frozenset(self._numbers)
+
     def __enter__(self) -> Built:
         return self
 
