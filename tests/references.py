@@ -74,6 +74,6 @@ def drift(model, states, step):
 
 def missed_share(model, states, step):
     """Its motion of the first interface over the body's, linear, rms; half as much more of the polynomial."""
-    rows, more = model.interface_displacement[0], 1.5 if model.mass is Mass.POLYNOMIAL else 1.0
+    rows, more = model.interface_displacement[0], 2.0 if model.mass is Mass.POLYNOMIAL else 1.0
     off, moved = drift(model, states, step), np.array([state.q for state in states])
     return more * np.linalg.norm(off @ rows.T) / np.linalg.norm(moved @ rows.T)

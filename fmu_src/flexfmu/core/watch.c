@@ -249,8 +249,8 @@ static double linear_reach(const Program *p, const double *q) {
 /* Deflection over the size of the body below which no motion matters. */
 static const double UNSEEN = 1e-3;
 
-/* Of the polynomial's error over what the next order makes it: orders after that add as much again as half. */
-static const double BEYOND = 1.5;
+/* Of the polynomial's error over what the next order makes it: orders after that may add as much again. */
+static const double BEYOND = 2.0;
 
 /* Momentum that the mass of steps leaves out, and how it pushes; where the step is half over. */
 typedef struct {
