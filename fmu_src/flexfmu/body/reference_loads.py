@@ -44,9 +44,9 @@ def reference_loads(model: FlexibleBody) -> Iterator[tuple[str, str, FloatArray]
     for name, moved, turned in zip(*every, strict=True):
         gives, turns = ((part / body.angular_frequency**2) @ moved.T for part in (moved, turned))
         softness, ways = np.linalg.eigh(gives)
-        # The stiffest direction of a slender body is along it.
+        # The stiffest direction of a slender body is along it; a held interface has none that gives.
         for number in (2, 1):
-            if softness[number] * _STIFF < softness[2]:
+            if not softness[number] * _STIFF >= softness[2] > 0.0:
                 continue
             way = ways[:, number]
             force = min(_MOVE * size / softness[number], _TURN / max(float(np.linalg.norm(turns @ way)), 1e-300)) * way
