@@ -6,7 +6,7 @@ from itertools import accumulate, repeat
 
 import numpy as np
 import pytest
-from benchmarks.defaults.bodies import angle
+from benchmarks.defaults.bodies import angle, folded_flexure
 
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
@@ -189,7 +189,7 @@ def heavy_end(folder, **tables):
     mesh = box(ElementType.C3D8I, (40, 2, 2), (0.5, 0.02, 0.01), materials=(light, heavy), material=material)
     said = Listening()
     body = reduce_body(body_file(mesh, folder, interface=["TIP"], damping={"ratio": 0.0}, **tables), said)
-    return body, [text for text in said.notes if "beyond its mass polynomial" in text]
+    return body, [text for text in said.notes if "range of its mass polynomial" in text]
 
 
 def test_a_body_that_sudden_loads_bend_beyond_it_takes_the_mass_of_its_lumps(tmp_path):
@@ -209,6 +209,17 @@ def test_a_body_that_sudden_loads_bend_beyond_it_takes_the_mass_of_its_lumps(tmp
     # The polynomial is there for who asks for it, and does not get as far.
     with pytest.raises(StepError, match="beyond the range of its mass polynomial"):
         path(60, Mass.POLYNOMIAL)
+
+
+@pytest.mark.slow
+def test_lumps_that_lack_what_the_polynomial_has_near_rest_do_not_take_its_place(tmp_path):
+    """Of a folded flexure under half of a load aside: 1.8 % off by lumps on its six frames, 0.9 by the polynomial."""
+    said = Listening()
+    body = reduce_body(read_body_file(folded_flexure().write(tmp_path)), said)
+    assert body.mass is Mass.POLYNOMIAL
+    assert body.inertia is None
+    (note,) = (text for text in said.notes if "range of its mass polynomial" in text)
+    assert "more frames" in note
 
 
 @pytest.mark.parametrize("tables", [{"formulation": {"mass": "polynomial"}}, {"reduction": {"inertia": False}}])

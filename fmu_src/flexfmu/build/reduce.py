@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..body.reference_loads import keeps_its_mass
+from ..body.reference_loads import keeps_its_mass, lumps_are_fine
 from ..files.array_types import FloatArray
 from ..files.errors import plural
 from ..files.progress import Reporter
@@ -43,10 +43,11 @@ from .config import BodyFile, BodySpec, read_body_file
 _HEAVY_DAMPING = 0.3
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
-_FAR_BENT = (
-    "sudden loads may bend it beyond its mass polynomial: it has the mass of its lumps, whose steps cost more "
-    '(mass = "polynomial" in [formulation] keeps to the polynomial)'
+_FAR_BENT = "sudden loads may bend it beyond the range of its mass polynomial"
+_LUMPS = (
+    'it has the mass of its lumps, whose steps cost more (mass = "polynomial" in [formulation] keeps to the polynomial)'
 )
+_COARSE = "steps are refused there, since lumps on its frames are too coarse: build with more frames"
 
 
 def reduce_body(
@@ -136,13 +137,15 @@ def reduce_mesh(
 
 
 def _with_lumps(body: ReducedBody, options: BodyOptions, model: Model, report: Reporter, store: Store) -> ReducedBody:
-    """The body with the mass of its lumps (13) in place of the polynomial."""
-    report.note(_FAR_BENT)
+    """The body with the mass of its lumps (13) in place of the polynomial, where they are fine enough."""
     with report.stage("Find the lumps of its mass"):
         heavy, stored = Variant(body.method, Mass.CONFIGURATION), options.stored | {Data.INERTIA}
         alone = replace(options, variant=heavy, stored=stored, certificate=False, watched=False, surface=False)
         inertia = body.inertia or reduced_whole(alone, model, Reporter(), store).body.inertia
-    return replace(body, mass=Mass.CONFIGURATION, inertia=inertia)
+    lumped = replace(body, mass=Mass.CONFIGURATION, inertia=inertia)
+    fine = lumps_are_fine(lumped)
+    report.note(f"{_FAR_BENT}: {_LUMPS if fine else _COARSE}")
+    return lumped if fine else body
 
 
 def _properties(options: BodyOptions, model: Model) -> Properties:
