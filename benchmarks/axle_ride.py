@@ -65,7 +65,7 @@ def ride(folder: Path, preload: float, axle: dict[str, float | str], stop: float
     from demo.rear_axle.alignment import LEFT, alignment
     from demo.rear_axle.road.scene import Ride, coupling, motion
 
-    from flexfmu.files.errors import StoppedError
+    from flexfmu.files.basics import StoppedError
     from flexfmu.master import couple
 
     set_up = coupling(Ride(begin=BEGIN, stop=stop, cut=True, axle=axle), preload, folder)

@@ -18,9 +18,8 @@ from matplotlib.colors import LogNorm
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.array_types import FloatArray
+from flexfmu.files.basics import FloatArray, StoppedError
 from flexfmu.files.console import ConsoleReporter
-from flexfmu.files.errors import StoppedError
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import couple

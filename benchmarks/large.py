@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from flexfmu.api import Body
-from flexfmu.files.array_types import FloatArray, IntArray
+from flexfmu.files.basics import FloatArray, IntArray
 from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.progress import Tell
 from flexfmu.files.store import Store

@@ -33,7 +33,7 @@ import h5py
 import numpy as np
 
 import flexfmu
-from flexfmu.model.errors import EquilibriumError, OptionError, StepError
+from flexfmu.files.basics import EquilibriumError, OptionError, StepError
 
 DEMO = Path(__file__).resolve().parent.parent / "demo"
 HASHES = "hashes.json"

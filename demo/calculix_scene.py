@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from flexfmu.fe.cells import elasticity
-from flexfmu.files.array_types import FloatArray, IntArray
+from flexfmu.files.basics import FloatArray, IntArray
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementBlock
 from flexfmu.mesh.model import Mesh

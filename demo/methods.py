@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import BodyFile, read_body_file
 from flexfmu.build.reduce import reduce_body
+from flexfmu.files.basics import EquilibriumError, OptionError
 from flexfmu.files.progress import Reporter
-from flexfmu.model.errors import EquilibriumError, OptionError
 from flexfmu.model.methods import Method, has_frames
 from flexfmu.model.reduced_body import ReducedBody
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfmu.files.errors import DeckError
+from flexfmu.files.basics import DeckError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.deck import read_deck
 

@@ -17,8 +17,8 @@ import numpy as np
 
 from bodies import body_of_everything, random_ties
 from flexfmu.core import library as core_library
+from flexfmu.files.basics import ModalFileError, OptionError
 from flexfmu.model import modal_file
-from flexfmu.model.errors import ModalFileError, OptionError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.model.variants import missing

@@ -26,8 +26,8 @@ from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FormulationTable, OutputTable
+from flexfmu.files.basics import RuntimeBodyError
 from flexfmu.files.progress import Reporter
-from flexfmu.model.errors import RuntimeBodyError
 from flexfmu.model.methods import Mass, Method
 
 RECORDS = Path(__file__).with_name("motions.csv")

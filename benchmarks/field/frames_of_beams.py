@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import fsolve
 
 import flexfmu
-from flexfmu.model.errors import EquilibriumError
+from flexfmu.files.basics import EquilibriumError
 
 HERE = Path(__file__).parent
 LOOPS = HERE.parents[1] / "demo" / "loops" / "calculix"

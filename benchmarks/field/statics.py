@@ -12,7 +12,7 @@ from benchmarks.field import bodies
 from benchmarks.field.bodies import DEMO, FOLDER, INCH, POUND, Body
 from benchmarks.field.records import Record, label, linear_cost, median_time
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.model.errors import EquilibriumError
+from flexfmu.files.basics import EquilibriumError
 from flexfmu.model.methods import Method
 
 FloatArray = NDArray[np.float64]

@@ -14,9 +14,15 @@ if TYPE_CHECKING:
     from .build.choices import Interface as Interface, Support as Support
     from .calls.decay import decay as decay
     from .calls.functions import *  # noqa: F403
-    from .files.errors import FlexfmuError as FlexfmuError, SimulationError as SimulationError
+    from .files.basics import (
+        EquilibriumError as EquilibriumError,
+        FlexfmuError as FlexfmuError,
+        RuntimeBodyError as RuntimeBodyError,
+        SimulationError as SimulationError,
+        StepError as StepError,
+        __version__ as __version__,
+    )
     from .files.units import UnitSystem as UnitSystem
-    from .files.version import __version__ as __version__
     from .fmu.built_body import BuiltBody as BuiltBody, SimulationResult as SimulationResult, load as load
     from .given.matrices import linear_body as linear_body
     from .given.modes import GivenModes as GivenModes, read_given as read_given
@@ -25,11 +31,6 @@ if TYPE_CHECKING:
     from .mesh.formats import read_mesh as read_mesh
     from .mesh.model import Mesh as Mesh
     from .mesh.shells import shell_mesh as shell_mesh
-    from .model.errors import (
-        EquilibriumError as EquilibriumError,
-        RuntimeBodyError as RuntimeBodyError,
-        StepError as StepError,
-    )
     from .model.methods import Mass as Mass, Method as Method
     from .reduction.options import Basis as Basis
     from .view.shown import Shown as Shown
@@ -41,9 +42,15 @@ _MODULES = {
     ".build.choices": ("Interface", "Support"),
     ".calls.decay": ("decay",),
     ".calls.functions": ("chart", "check", "couple", "fit", "init", "show", "stability"),
-    ".files.errors": ("FlexfmuError", "SimulationError"),
+    ".files.basics": (
+        "EquilibriumError",
+        "FlexfmuError",
+        "RuntimeBodyError",
+        "SimulationError",
+        "StepError",
+        "__version__",
+    ),
     ".files.units": ("UnitSystem",),
-    ".files.version": ("__version__",),
     ".fmu.built_body": ("BuiltBody", "SimulationResult", "load"),
     ".given.matrices": ("linear_body",),
     ".given.modes": ("GivenModes", "read_given"),
@@ -52,7 +59,6 @@ _MODULES = {
     ".mesh.formats": ("read_mesh",),
     ".mesh.model": ("Mesh",),
     ".mesh.shells": ("shell_mesh",),
-    ".model.errors": ("EquilibriumError", "RuntimeBodyError", "StepError"),
     ".model.methods": ("Mass", "Method"),
     ".reduction.options": ("Basis",),
     ".view.shown": ("Shown",),

@@ -21,7 +21,7 @@ from .build.choices import (
 )
 from .build.config import read_body_file
 from .build.reduce import reduce_mesh
-from .files.errors import BodyFileError
+from .files.basics import BodyFileError
 from .files.plain_data import picture_html, rows_html
 from .files.progress import Reporter, ScriptReporter
 from .files.store import Store

@@ -21,11 +21,10 @@ import flexfmu.reduction.basis
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import build_fmu, reduce_body
 from flexfmu.commands.cli import app
-from flexfmu.files.errors import BodyFileError, FlexfmuError, MeshError, ModelError
+from flexfmu.files.basics import BodyFileError, FlexfmuError, MeshError, ModelError, OptionError
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.mesh.elements import ElementType
-from flexfmu.model.errors import OptionError
 from flexfmu.model.modal_file import read_modal_file
 from flexfmu.reduction.interfaces import fit_interface
 from flexfmu.reduction.options import InterfaceNodes

@@ -17,7 +17,7 @@ from demo.rear_axle import scene_tables
 from chromium import opened
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.config import read_body_file
-from flexfmu.files.errors import OutputError, SimulationError
+from flexfmu.files.basics import OutputError, SimulationError
 from flexfmu.files.progress import Reporter
 from flexfmu.model.methods import Mass, Method, Variant, has_frames
 from flexfmu.reduction.options import Basis

@@ -14,7 +14,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.suggest import bores, likely_mesh, starting_body_file
 from flexfmu.commands.cli import app
-from flexfmu.files.errors import AccuracyError, BodyFileError
+from flexfmu.files.basics import AccuracyError, BodyFileError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType

@@ -16,7 +16,7 @@ import flexfmu.commands
 from bodies import random_body, with_second_order
 from flexfmu.calls.describing import cost_table, describe
 from flexfmu.commands.cli import COMMANDS, app
-from flexfmu.files.errors import FlexfmuError
+from flexfmu.files.basics import FlexfmuError
 from flexfmu.files.plain_data import json_text
 from flexfmu.files.quantities import factor, named, number, unit_of
 from flexfmu.files.tables import read_table

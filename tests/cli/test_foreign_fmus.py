@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bodies import beam_body
-from flexfmu.files.errors import SimulationError, StoppedError
+from flexfmu.files.basics import SimulationError, StoppedError
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import couple, parse_coupling, read_coupling_file
 

@@ -18,7 +18,7 @@ from coupling_core import (
     relative_motion,
     tangent,
 )
-from flexfmu.files.errors import OutputError, SimulationError
+from flexfmu.files.basics import OutputError, SimulationError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.tables import read_table
 from flexfmu.fmu.package import package_fmu

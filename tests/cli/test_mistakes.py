@@ -15,11 +15,10 @@ from flexfmu.body.loads import loads_from_mapping
 from flexfmu.build.reduce import build_fmu
 from flexfmu.calls.functions import chart
 from flexfmu.commands.cli import app
-from flexfmu.files.errors import FlexfmuError
+from flexfmu.files.basics import FlexfmuError, LoadError
 from flexfmu.fmu.simulation import _tell_passed_over
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.model.errors import LoadError
 from flexfmu.study.workshop import Heard
 from meshes import BAR, box, write_deck
 

@@ -11,7 +11,7 @@ import pytest
 
 from bodies import beam_body
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.files.errors import OutputError, SimulationError
+from flexfmu.files.basics import OutputError, SimulationError
 from flexfmu.files.tables import read_table, write_table
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
@@ -207,7 +207,7 @@ INTERRUPTED = """
 import os, signal, sys, threading
 from contextlib import contextmanager
 from pathlib import Path
-from flexfmu.files.errors import FlexfmuError
+from flexfmu.files.basics import FlexfmuError
 from flexfmu.fmu.simulation import simulate_csv
 from flexfmu.files.progress import Reporter
 

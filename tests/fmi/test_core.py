@@ -17,9 +17,9 @@ from core_files import core_order
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.core.building import FLAGS, FOLDER, command, sources, system_compiler
 from flexfmu.core.library import Core, declare
+from flexfmu.files.basics import OptionError
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.runtime import Runtime
-from flexfmu.model.errors import OptionError
 from flexfmu.program.compile import compile_program
 
 pytestmark = pytest.mark.skipif(

@@ -21,7 +21,7 @@ from lxml import etree
 
 import fuzzed
 from driven import Driven
-from flexfmu.files.errors import PackagingError, SimulationError
+from flexfmu.files.basics import PackagingError, SimulationError
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.fmu.runtime import Runtime

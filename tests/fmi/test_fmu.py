@@ -13,12 +13,11 @@ import pytest
 from bodies import LINEAR, Beam, beam_body, random_body
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.core.image import VERSION
-from flexfmu.files.errors import PackagingError
+from flexfmu.files.basics import ContentsError, PackagingError
 from flexfmu.fmu import python_slave
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import core_binaries, package_fmu
 from flexfmu.fmu.reading import read_packaged_body
-from flexfmu.model.errors import ContentsError
 from flexfmu.model.modal_file import write_modal_file
 from flexfmu.model.rotations import exponential
 from masters import description, entries, master, motion

@@ -14,7 +14,7 @@ from bodies import beam_body, body_of_everything
 from flexfmu.core import building
 from flexfmu.core.image import _HEAD, DESCRIPTION, ProgramError, fields, packed, read_image, write_image
 from flexfmu.core.library import Core, library_path
-from flexfmu.model.errors import OptionError
+from flexfmu.files.basics import OptionError
 from flexfmu.model.methods import Method
 from flexfmu.program.compile import compile_program
 from flexfmu.program.mechanics import Draft

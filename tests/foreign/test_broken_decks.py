@@ -5,7 +5,7 @@ from random import Random
 import pytest
 
 from decks import BODY, CAE, COUPLING, PART
-from flexfmu.files.errors import FlexfmuError
+from flexfmu.files.basics import FlexfmuError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck

@@ -6,7 +6,7 @@ from random import Random
 import pytest
 
 import flexfmu
-from flexfmu.files.errors import FlexfmuError
+from flexfmu.files.basics import FlexfmuError
 from flexfmu.given.modes import read_given
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.formats import read_mesh

@@ -12,7 +12,7 @@ from benchmarks.thin.bodies import Middle
 import flexfmu
 import flexfmu.mesh.checks
 from flexfmu.fe.assembly import stiffness
-from flexfmu.files.errors import MeshError
+from flexfmu.files.basics import MeshError
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
 from meshes import box

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexfmu.fe.assembly import stiffness
-from flexfmu.files.errors import MeshError
+from flexfmu.files.basics import MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexfmu import read_mesh
-from flexfmu.files.errors import MeshError
+from flexfmu.files.basics import MeshError
 
 pytest.importorskip("pyNastran")
 

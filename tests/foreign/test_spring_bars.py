@@ -7,7 +7,7 @@ import pytest
 
 import flexfmu
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.files.errors import DeckError
+from flexfmu.files.basics import DeckError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked

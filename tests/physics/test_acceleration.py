@@ -7,8 +7,8 @@ from driven import Driven
 from elastica import MASS, STIFFNESS, heavy_elastica
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.tables import InputTable
+from flexfmu.files.basics import LoadError
 from flexfmu.fmu.description import Runtime
-from flexfmu.model.errors import LoadError
 from flexfmu.model.methods import Method
 from references import BEAM
 

@@ -6,7 +6,7 @@ import pytest
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FrameTable
-from flexfmu.files.errors import BodyFileError
+from flexfmu.files.basics import BodyFileError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
 from flexfmu.model.methods import Method

@@ -13,7 +13,7 @@ import flexfmu
 from decks import read
 from flexfmu.fe.assembly import mass, stiffness
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.files.errors import AccuracyError, DeckError, FlexfmuError, MeshError, ModelError
+from flexfmu.files.basics import AccuracyError, DeckError, FlexfmuError, MeshError, ModelError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.beams import box, ellipse, pipe, rectangle
 from flexfmu.reduction.model import assemble_model

@@ -11,10 +11,10 @@ from flexfmu.api import Body, Support
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.body_model import body_model
 from flexfmu.fe.nonlinear import load_path
+from flexfmu.files.basics import OptionError
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.runtime import Runtime
 from flexfmu.mesh.elements import ElementType
-from flexfmu.model.errors import OptionError
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.reduction.interfaces import fit_interface
 from meshes import bars, box, with_sets

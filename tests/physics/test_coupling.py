@@ -118,7 +118,7 @@ FmuBuilder.build_FMU(sys.argv[1], dest=sys.argv[2], canGetAndSetFMUstate=sys.arg
 RUN = """
 import json, sys
 from pathlib import Path
-from flexfmu.files.errors import FlexfmuError
+from flexfmu.files.basics import FlexfmuError
 from flexfmu.master import couple, read_coupling_file
 from flexfmu.files.progress import Reporter
 
@@ -926,7 +926,7 @@ def test_tries_of_a_step_answer_alike_to_loads_that_are_nearly_alike(folder):
 WRITE = """
 import sys
 from pathlib import Path
-from flexfmu.files.errors import FlexfmuError
+from flexfmu.files.basics import FlexfmuError
 from flexfmu.master import run
 from flexfmu.files.console import ConsoleReporter
 

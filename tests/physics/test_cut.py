@@ -18,13 +18,12 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import CutTable, MeshTable, SupportTable
 from flexfmu.core.image import read_image
-from flexfmu.files.errors import BodyFileError
+from flexfmu.files.basics import BodyFileError, OptionError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
 from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.model.reduced_body import Ties

@@ -12,7 +12,7 @@ from flexfmu.fe.faces import area_matrix, select
 from flexfmu.fe.factorisation import Factorisation
 from flexfmu.fe.stress import point_stress
 from flexfmu.fe.unknowns import unknowns
-from flexfmu.files.errors import ModelError
+from flexfmu.files.basics import ModelError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck

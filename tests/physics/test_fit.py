@@ -18,7 +18,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.calls.describing import describe
-from flexfmu.files.errors import OutputError
+from flexfmu.files.basics import OutputError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
 from flexfmu.fmu.reading import read_packaged_body

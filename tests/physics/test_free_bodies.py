@@ -12,11 +12,10 @@ from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.body.loads import Loads
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import DampingTable, FrameTable, InputTable, InterfaceTable, SupportTable
-from flexfmu.files.errors import ModelError
+from flexfmu.files.basics import EquilibriumError, ModelError, OptionError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
-from flexfmu.model.errors import EquilibriumError, OptionError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.rotations import exponential
 from flexfmu.reduction.options import Basis

@@ -15,9 +15,9 @@ from flexfmu.build import reduce as build
 from flexfmu.build.config import BodyFile
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import InputTable, InterfaceTable, MeshTable
+from flexfmu.files.basics import ModalFileError, OptionError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
-from flexfmu.model.errors import ModalFileError, OptionError
 from flexfmu.model.inertia import without_frames
 from flexfmu.model.methods import Mass, Method, Variant, masses_of
 from flexfmu.model.modal_file import read_modal_file, write_modal_file

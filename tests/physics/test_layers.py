@@ -11,7 +11,7 @@ from decks import read
 from flexfmu.fe.assembly import stiffness
 from flexfmu.fe.stress import nodal_stress, point_stress
 from flexfmu.fe.unknowns import unknowns
-from flexfmu.files.errors import DeckError, MeshError
+from flexfmu.files.basics import DeckError, MeshError
 from flexfmu.mesh.model import Material, laminate
 from flexfmu.model.rotations import exponential
 from physics.test_shells import KINDS, bulk_data, grid, shell, solved

@@ -13,10 +13,10 @@ from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FormulationTable, OutputTable
+from flexfmu.files.basics import OptionError, StepError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
-from flexfmu.model.errors import OptionError, StepError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.model.rotations import exponential

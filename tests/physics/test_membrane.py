@@ -13,9 +13,8 @@ from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import OutputTable
 from flexfmu.calls.describing import describe
-from flexfmu.files.errors import ModelError
+from flexfmu.files.basics import EquilibriumError, ModelError
 from flexfmu.files.progress import Reporter
-from flexfmu.model.errors import EquilibriumError
 from flexfmu.model.membrane import Membrane
 from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction import membrane

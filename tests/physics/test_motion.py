@@ -11,7 +11,7 @@ from bodies import beam_body, body_of_everything, random_body, random_ties, with
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.core.image import read_image
 from flexfmu.core.library import Core
-from flexfmu.model.errors import OptionError
+from flexfmu.files.basics import OptionError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND
 from flexfmu.program.compile import compile_program

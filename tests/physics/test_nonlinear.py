@@ -5,7 +5,7 @@ import pytest
 
 from flexfmu.build.config import read_body_file
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.files.errors import AccuracyError
+from flexfmu.files.basics import AccuracyError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType

@@ -7,7 +7,7 @@ import pytest
 
 import flexfmu
 from decks import BODY, COUPLING, read, refuse
-from flexfmu.files.errors import MeshError
+from flexfmu.files.basics import MeshError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked

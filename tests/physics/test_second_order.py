@@ -10,10 +10,10 @@ from bodies import source_of_judgement
 from elastica import MASS, STIFFNESS, heavy_elastica
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.build.tables import InputTable, InterfaceTable
+from flexfmu.files.basics import OptionError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import PointMass
-from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND
 from flexfmu.model.rotations import exponential, rotation_vector

@@ -6,7 +6,7 @@ import scipy.sparse.linalg as spla
 
 from flexfmu import read_mesh
 from flexfmu.fe.assembly import stiffness
-from flexfmu.files.errors import DeckError, MeshError
+from flexfmu.files.basics import DeckError, MeshError
 from flexfmu.mesh.checks import checked
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.options import BodyOptions

@@ -19,7 +19,7 @@ from flexfmu.fe.gradients import geometric_stiffness, quadratic_strain, stress_s
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.fe.stress import nodal_stress, point_stress, stress_jumps
 from flexfmu.fe.unknowns import unknowns
-from flexfmu.files.errors import DeckError, FlexfmuError, MeshError
+from flexfmu.files.basics import DeckError, FlexfmuError, MeshError
 from flexfmu.files.progress import Reporter, tell_nobody
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.model import Material, Mesh

@@ -7,7 +7,7 @@ from scipy.integrate import simpson, solve_bvp
 from bodies import COROTATED, LINEAR, Beam, beam_body, random_body
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.body.loads import Loads
-from flexfmu.model.errors import EquilibriumError, LoadError, OptionError
+from flexfmu.files.basics import EquilibriumError, LoadError, OptionError
 
 BEAM = Beam()
 

@@ -7,7 +7,7 @@ import pytest
 
 from bodies import COROTATED, LINEAR, Beam, beam_body, random_body
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
-from flexfmu.model.errors import EquilibriumError, OptionError, StepError
+from flexfmu.files.basics import EquilibriumError, OptionError, StepError
 
 BEAM = Beam()
 HEAVY = {"tip": (-2e3, 0.6 * BEAM.bending_stiffness, 0.0)}

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from bodies import COROTATED, LINEAR, Beam, beam_body, body_of_everything, random_body
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
-from flexfmu.model.errors import OptionError, StepError
+from flexfmu.files.basics import OptionError, StepError
 from flexfmu.model.methods import Method
 from reference import Reference
 

@@ -12,7 +12,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.assembly import mass, stiffness
 from flexfmu.fe.stress import stress_jumps
 from flexfmu.fe.unknowns import unknowns
-from flexfmu.files.errors import AccuracyError
+from flexfmu.files.basics import AccuracyError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.modes import normal_modes

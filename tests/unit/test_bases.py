@@ -7,10 +7,10 @@ from scipy.linalg import null_space
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import InterfaceTable
+from flexfmu.files.basics import OptionError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
-from flexfmu.model.errors import OptionError
 from flexfmu.model.fixing import _remaining_modes
 from flexfmu.model.methods import Method
 from flexfmu.reduction.options import Basis

@@ -5,7 +5,7 @@ import pytest
 
 import flexfmu
 from flexfmu.build.choices import checked_spec
-from flexfmu.files.errors import BodyFileError, SimulationError
+from flexfmu.files.basics import BodyFileError, SimulationError
 from flexfmu.reduction.making import _damping
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from decks import BODY, BRICK, NODES, STEEL, line_of, read, refuse, set_labels
-from flexfmu.files.errors import DeckError, MeshError
+from flexfmu.files.basics import DeckError, MeshError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.elements import ElementType

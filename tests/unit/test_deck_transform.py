@@ -5,7 +5,7 @@ import pytest
 
 import flexfmu
 from decks import BODY, BRICK, NODES, STEEL, read
-from flexfmu.files.errors import DeckError
+from flexfmu.files.basics import DeckError
 
 ANGLE = np.radians(30.0)
 TURN = np.array([[np.cos(ANGLE), -np.sin(ANGLE), 0.0], [np.sin(ANGLE), np.cos(ANGLE), 0.0], [0.0, 0.0, 1.0]])

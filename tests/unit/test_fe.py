@@ -15,7 +15,7 @@ from flexfmu.fe import factorisation, unknowns as fe_unknowns
 from flexfmu.fe.assembly import mass, stiffness, summed
 from flexfmu.fe.factorisation import Factorisation, factor_entries
 from flexfmu.fe.gradients import mean_spin, own_spin
-from flexfmu.files.errors import ModelError
+from flexfmu.files.basics import ModelError
 from flexfmu.mesh.checks import without_mechanisms
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material

@@ -12,9 +12,8 @@ from typer.testing import CliRunner
 import flexfmu
 from flexfmu.commands.cli import app
 from flexfmu.fe.assembly import mass, stiffness
-from flexfmu.files.errors import BodyFileError, FlexfmuError
+from flexfmu.files.basics import BodyFileError, FlexfmuError, OptionError
 from flexfmu.given.modes import GivenModesError
-from flexfmu.model.errors import OptionError
 from given_bars import LENGTH, MODES, SIDE, bar, eigenmodes, motion
 
 FOREIGN = Path(__file__).parents[1] / "foreign"

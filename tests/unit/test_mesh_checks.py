@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexfmu.files.errors import MeshError
+from flexfmu.files.basics import MeshError
 from flexfmu.mesh.checks import checked, connected_parts, jacobian_determinants
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.model import NO_MATERIAL, Mesh

@@ -11,8 +11,8 @@ import scipy.optimize
 from bodies import beam_body
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
+from flexfmu.files.basics import OptionError
 from flexfmu.files.progress import Reporter
-from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import (
     DEFAULT,
     Mass,

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from bodies import LINEAR, beam_body, random_body, unsealed, with_second_order
+from flexfmu.files.basics import ModalFileError
 from flexfmu.model.arrays import ARRAYS
-from flexfmu.model.errors import ModalFileError
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import SCHEMA_VERSION, read_modal_file, write_modal_file
 from flexfmu.model.reduced_body import GROUND, GROUPS, ReducedBody, SecondOrder, StressSet, Surface

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from flexfmu.fe.assembly import mass, stiffness
 from flexfmu.fe.unknowns import unknowns
-from flexfmu.files.errors import AccuracyError, BodyFileError, ModelError
+from flexfmu.files.basics import AccuracyError, BodyFileError, ModelError
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material, Mesh

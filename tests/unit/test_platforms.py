@@ -35,11 +35,10 @@ from flexfmu.core.building import (
     this_platform,
     zig_compiler,
 )
-from flexfmu.files.errors import PackagingError
+from flexfmu.files.basics import OptionError, PackagingError
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.runtime import Runtime
-from flexfmu.model.errors import OptionError
 
 ROOT = Path(__file__).parents[2]
 MASTER = ROOT / "tests" / "native_master" / "master.c"

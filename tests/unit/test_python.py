@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flexfmu
-from flexfmu.files.errors import BodyFileError, MeshError, SimulationError
+from flexfmu.files.basics import BodyFileError, MeshError, SimulationError
 from flexfmu.mesh.elements import ElementType
 from meshes import box
 

@@ -8,9 +8,9 @@ from flexfmu.body.recovery import surface_von_mises
 from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.gradients import quadratic_strain
 from flexfmu.fe.stress import nodal_stress
+from flexfmu.files.basics import OptionError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
-from flexfmu.model.errors import OptionError
 from flexfmu.model.methods import Method
 from flexfmu.model.rotations import exponential
 from flexfmu.reduction import surface

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bodies import beam_body
-from flexfmu.files.errors import OutputError
+from flexfmu.files.basics import OutputError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.store import Store
 from flexfmu.files.targets import check_target, whole_file

@@ -11,7 +11,7 @@ from flexfmu.build.body_model import body_model
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import build_fmu, distant_points, reduce_body
 from flexfmu.commands.cli import app
-from flexfmu.files.errors import BodyFileError
+from flexfmu.files.basics import BodyFileError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import implausible

@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..core.library import Core, StepLimits
-from ..files.array_types import FloatArray, IntArray
-from ..model.errors import EquilibriumError, LoadError, OptionError, StepError
+from ..files.basics import EquilibriumError, FloatArray, IntArray, LoadError, OptionError, StepError
 from ..model.fixing import with_fixed_interfaces, with_frame_layout
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody

@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..files.array_types import FloatArray
-from ..model.errors import LoadError
+from ..files.basics import FloatArray, LoadError
 from ..model.reduced_body import ReducedBody
 from ..program.variable_table import ACCELERATION
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
-from ..model.errors import OptionError
+from ..files.basics import FloatArray, IntArray, OptionError
 from ..model.methods import Kinematics, Method, recipe_of
 from ..model.reduced_body import ReducedBody, Surface
 

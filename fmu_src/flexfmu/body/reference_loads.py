@@ -5,8 +5,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from ..files.array_types import FloatArray
-from ..model.errors import EquilibriumError
+from ..files.basics import EquilibriumError, FloatArray
 from ..model.methods import Mass
 from ..model.reduced_body import ReducedBody
 from .flexible_body import FlexibleBody

@@ -13,9 +13,8 @@ import numpy as np
 
 from ..core.interface import word_of
 from ..core.library import StepLimits
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray, StepError
 from ..files.progress import Reporter
-from ..model.errors import StepError
 from ..model.reduced_body import ReducedBody
 from ..program.variable_table import (
     DAMPING_SCALE,

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import BodyFileError
+from ..files.basics import BodyFileError, FloatArray, IntArray
 from ..files.plain_data import fields_of
 from ..files.toml_files import validated
 from ..files.units import UnitSystem

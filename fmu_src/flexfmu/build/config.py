@@ -8,9 +8,8 @@ from typing import Any, Literal, Self
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from ..files.errors import BodyFileError
+from ..files.basics import MOST_FRAMES, BodyFileError
 from ..files.inputs import Kind
-from ..files.limits import MOST_FRAMES
 from ..files.toml_files import Name, Table, different, read_toml, validated
 from ..model.methods import ASKED_BY, Data, Mass, Method, Variant, conflict, has_frames, needs
 from ..reduction import options as plain

@@ -9,14 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from ..body.reference_loads import keeps_its_mass, lumps_are_fine
-from ..files.array_types import FloatArray
-from ..files.errors import plural
+from ..files.basics import FloatArray, __version__, plural
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..files.targets import check_target, whole_file
 from ..files.threads import in_one_thread
 from ..files.units import UnitSystem
-from ..files.version import __version__
 from ..fmu.package import cores_for, package_fmu
 from ..fmu.runtime import Runtime
 from ..mesh.checks import implausible

@@ -11,8 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from ..fe.faces import select
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import DeckError, MeshError
+from ..files.basics import DeckError, FloatArray, IntArray, MeshError
 from ..files.toml_files import toml_value
 from ..files.units import UnitSystem
 from ..mesh.checks import connected_parts, is_likely, linked_pieces, nodes_of_elements

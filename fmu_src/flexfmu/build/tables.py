@@ -7,10 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from ..files.limits import MOST_MODES
+from ..files.basics import MOST_MODES, OptionError
 from ..files.toml_files import Axes, Name, Positive, Table, Vector, ascending
 from ..files.units import UnitSystem
-from ..model.errors import OptionError
 from ..model.methods import DEFAULT, Mass, Method, Variant
 from ..reduction.options import Basis
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files.array_types import FloatArray
-from ..files.errors import SimulationError
+from ..files.basics import FloatArray, SimulationError
 from ..files.tables import read_table
 
 # Share of the largest singular value, of the largest amplitude, and of a step by which rows may be apart unevenly.

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.tree import Tree
 
-from ..files.errors import plural
+from ..files.basics import plural
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.summary import NORMAL_MODES, first_frequency, missed_loads, missed_words, point, summary
 from ..model.variants import chosen, offered_variants

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files.array_types import IntArray
-from ..files.errors import OutputError
+from ..files.basics import IntArray, OutputError
 from ..files.plain_data import picture_html, records_frame, table_frame
 from ..files.progress import Reporter, ScriptReporter
 from ..files.store import Store, default_folder

@@ -13,8 +13,7 @@ from ..body.replay import body_with, replay
 from ..build.body_model import read_body_model
 from ..build.config import read_body_file
 from ..build.reduce import reduce_body
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import FlexfmuError, nearest
+from ..files.basics import FlexfmuError, FloatArray, IntArray, nearest
 from ..files.inputs import Kind, check_input, kind_of
 from ..files.progress import Reporter
 from ..files.quantities import number, unit_of

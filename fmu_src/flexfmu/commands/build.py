@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from ..files.errors import NOT_MET, plural
 from ..fmu.runtime import Runtime
 from .common import reporter, show_written
 
@@ -34,6 +33,7 @@ def build(
     """Reduce a finite element body and write its FMU; modes are kept for the next build of the same mesh."""
     from ..build.config import read_body_file
     from ..build.reduce import build_fmu
+    from ..files.basics import NOT_MET, plural
     from ..files.store import Store, default_folder
     from ..study.candidates import times
     from ..study.smallest import own_error, smallest

@@ -39,9 +39,9 @@ for _name in COMMANDS:
 
 def _version(asked: bool) -> None:
     if asked:
-        from ..files.version import __version__
+        from importlib.metadata import version
 
-        typer.echo(f"flexfmu {__version__}")
+        typer.echo(f"flexfmu {version('flexfmu')}")
         raise typer.Exit
 
 

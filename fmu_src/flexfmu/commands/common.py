@@ -58,9 +58,8 @@ def ends_in_words(command: Callable[..., None]) -> Callable[..., None]:
         from rich.console import Console
         from rich.markup import escape
 
-        from ..files.errors import INTERRUPTED, FlexfmuError
+        from ..files.basics import INTERRUPTED, FlexfmuError, RuntimeBodyError
         from ..files.progress import keeps_interrupts
-        from ..model.errors import RuntimeBodyError
 
         try:
             with keeps_interrupts():

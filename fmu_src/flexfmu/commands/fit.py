@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from ..files.errors import NOT_MET
 from .common import Jobs, Json, reporter
 
 
@@ -25,6 +24,7 @@ def fit(
     The last line says pass or fail; the exit code is 0 or 3.
     """
     from ..calls.functions import fit as find
+    from ..files.basics import NOT_MET
     from ..files.plain_data import fields_of, json_text
 
     target = fmu or output.with_suffix(".fmu")

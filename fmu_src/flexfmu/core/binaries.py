@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from ..files.errors import PackagingError
+from ..files.basics import PackagingError
 from ..files.progress import Reporter
 from ..files.store import default_folder
 from .building import PLATFORMS, WEB_CORE, compile_core, source_hash, this_platform, zig_compiler

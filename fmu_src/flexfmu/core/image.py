@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.array_types import FloatArray
-from ..files.errors import FlexfmuError
+from ..files.basics import FlexfmuError, FloatArray
 
 FIELDS = Path(__file__).parents[1] / "core" / "fields.def"
 DESCRIPTION = "body.prog"

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
-from ..model.errors import OptionError
+from ..files.basics import FloatArray, IntArray, OptionError
 from .building import PLATFORMS, source_hash, sources, this_platform
 from .image import read_image
 from .interface import parameter, symbols

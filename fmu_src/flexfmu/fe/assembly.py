@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..mesh.elements import jacobians
 from ..mesh.equations import Simplices
 from ..mesh.model import Mesh

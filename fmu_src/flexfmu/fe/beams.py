@@ -6,7 +6,7 @@ statics: its shear compliance has the bending that linear functions lack (R. H. 
 
 import numpy as np
 
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray
 
 ROWS = (*((place, 2, 2) for place in range(5)), *((k, 0, 2) for k in (0, 3, 4)), *((k, 1, 2) for k in (0, 1, 2)))
 """Place and both components of each natural strain; the third runs along the beam."""

@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..mesh.elements import FaceBlock
 from ..mesh.shapes import FACE_RULES, FACE_SHAPES
 from .assembly import scatter

@@ -17,8 +17,7 @@ import pymetis
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import ModelError
+from ..files.basics import FloatArray, IntArray, ModelError
 
 GIGA = 1e9
 # Bytes a number of the factor L: SuperLU keeps U besides, indices of both, and doubles what it has when it is full.

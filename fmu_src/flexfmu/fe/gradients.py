@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..files.progress import tell_nobody
 from ..mesh.model import Mesh
 from .assembly import CHUNK, elastic_cells, scatter, summed

@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..mesh.elements import ElementBlock
 from ..mesh.model import Layer, Material, Mesh
 from ..mesh.shapes import Quadrature

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import AccuracyError, ModelError
+from ..files.basics import AccuracyError, FloatArray, IntArray, ModelError
 from ..files.progress import Reporter
 from ..files.threads import in_one_thread
 from ..mesh.model import Mesh

@@ -14,8 +14,7 @@ from functools import cache
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import ModelError
+from ..files.basics import FloatArray, IntArray, ModelError
 from ..mesh.elements import ElementBlock, ElementType, jacobians
 from ..mesh.model import SECTION_SHARES, Material, Mesh
 from ..mesh.shapes import Quadrature, brick_rule, wedge_rule

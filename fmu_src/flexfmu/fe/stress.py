@@ -6,8 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from ..files.array_types import BoolArray, FloatArray, IntArray
-from ..files.errors import ModelError
+from ..files.basics import BoolArray, FloatArray, IntArray, ModelError
 from ..mesh.elements import ElementBlock, ElementType
 from ..mesh.model import Mesh
 from ..mesh.shapes import LINEAR

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.array_types import BoolArray, FloatArray, IntArray
+from ..files.basics import BoolArray, FloatArray, IntArray
 from ..mesh.equations import solved
 
 

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 from rich.table import Column
 from rich.text import Text
 
-from .errors import BodyFileError
+from .basics import BodyFileError
 from .progress import Reporter, Tell, duration_words, end_if_interrupted, progress_words
 
 # Seconds between two states of a line on a terminal, and between two lines elsewhere; of a stage that leaves a line.

@@ -7,7 +7,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from .errors import FlexfmuError
+from .basics import FlexfmuError
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 # Where HDF5's own bytes begin in files of others, and in ours, behind their seal.

@@ -2,7 +2,7 @@
 
 import re
 
-from .errors import FlexfmuError
+from .basics import FlexfmuError
 from .units import QUANTITIES, UNITS
 
 _HEADER = re.compile(r"^(?P<name>[^\[\]()]*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]$")

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from .array_types import FloatArray
+from .basics import FloatArray
 from .progress import Reporter
 from .targets import whole_file
 

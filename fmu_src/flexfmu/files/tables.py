@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .array_types import FloatArray
-from .errors import FlexfmuError, SimulationError
+from .basics import FlexfmuError, FloatArray, SimulationError
 from .inputs import Kind, check_input
 from .quantities import named, unit_of
 from .targets import whole_file

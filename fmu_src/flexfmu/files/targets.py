@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .errors import OutputError
+from .basics import OutputError
 
 PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
 

@@ -13,8 +13,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
-from .array_types import FloatArray
-from .errors import FlexfmuError, alike
+from .basics import FlexfmuError, FloatArray, alike
 from .inputs import Kind, check_input, toml_kind
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]

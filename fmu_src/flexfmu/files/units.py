@@ -4,7 +4,7 @@ import math
 from enum import Enum
 from typing import Any
 
-from .errors import BodyFileError
+from .basics import BodyFileError
 
 # Exact by definition: the inch, and the pound-force.
 _DEGREE, _INCH, _POUND = math.pi / 180.0, 0.0254, 4.4482216152605

@@ -11,8 +11,7 @@ import numpy as np
 
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import load_names
-from ..files.array_types import FloatArray
-from ..files.errors import SimulationError
+from ..files.basics import FloatArray, SimulationError
 from ..files.plain_data import picture_html, rows_html
 from ..files.progress import Reporter, ScriptReporter
 from ..files.quantities import unit_of

@@ -7,8 +7,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ..files.array_types import FloatArray
-from ..files.errors import SimulationError
+from ..files.basics import FloatArray, SimulationError
 from ..files.figures import BLUE, GREEN, VERMILION, Drawing, save
 from ..files.tables import read_table
 

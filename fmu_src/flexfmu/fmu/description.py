@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from ..core.building import sources
 from ..core.interface import lines
-from ..files.version import __version__
+from ..files.basics import __version__
 from ..model.reduced_body import ReducedBody
 from ..program.variable_table import AXES, Variable, variable_table
 from .runtime import Runtime

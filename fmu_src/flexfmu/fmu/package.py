@@ -15,7 +15,7 @@ from pathlib import Path
 
 from ..core.binaries import core_binaries
 from ..core.building import FLAGS, PLATFORMS, folders_3, prefix_header, source_files, sources as core_sources
-from ..files.errors import PackagingError
+from ..files.basics import PackagingError
 from ..files.progress import Reporter
 from ..files.targets import check_target, whole_file
 from ..model.modal_file import write_modal_file

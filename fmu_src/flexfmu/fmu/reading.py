@@ -7,9 +7,8 @@ import zlib
 from pathlib import Path
 
 from ..core.image import DESCRIPTION as PROGRAM, guid_of
-from ..files.errors import PackagingError
+from ..files.basics import ContentsError, ModalFileError, PackagingError
 from ..files.inputs import Kind, check_input
-from ..model.errors import ContentsError, ModalFileError
 from ..model.modal_file import read_modal_file
 from ..model.reduced_body import ReducedBody
 from .python_slave import guid_in

@@ -9,10 +9,8 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
-from ..files.array_types import FloatArray
-from ..files.errors import SimulationError, StoppedError, keeping_partial, nearest, plural
+from ..files.basics import MOST_VALUES, FloatArray, SimulationError, StoppedError, keeping_partial, nearest, plural
 from ..files.inputs import Kind, check_input
-from ..files.limits import MOST_VALUES
 from ..files.progress import Reporter, ends_on_interrupt
 from ..files.tables import number, read_table, write_table
 from ..files.targets import check_target

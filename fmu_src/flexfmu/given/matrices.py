@@ -10,8 +10,7 @@ import scipy.io
 import scipy.linalg
 import scipy.sparse as sp
 
-from ..files.array_types import FloatArray
-from ..files.errors import FlexfmuError
+from ..files.basics import FlexfmuError, FloatArray
 from ..fmu.built_body import BuiltBody
 from ..reduction.making import linear_use, made_body, motion_of_interfaces
 

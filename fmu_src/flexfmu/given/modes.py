@@ -11,8 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..fe.assembly import mass as mass_matrix
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import FlexfmuError, listed
+from ..files.basics import FlexfmuError, FloatArray, IntArray, listed
 from ..files.inputs import Kind, kind_of
 from ..files.targets import check_target, whole_file
 from ..files.units import UnitSystem

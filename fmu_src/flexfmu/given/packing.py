@@ -19,16 +19,13 @@ from ..build.choices import (
     support_table,
 )
 from ..build.config import BodySpec
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import BodyFileError, plural
+from ..files.basics import BodyFileError, FloatArray, IntArray, OptionError, __version__, plural
 from ..files.progress import Reporter, ScriptReporter
 from ..files.units import UnitSystem
-from ..files.version import __version__
 from ..fmu.built_body import BuiltBody, load
 from ..mesh.checks import checked
 from ..mesh.in_memory import Contents, from_contents
 from ..mesh.model import Material, Mesh
-from ..model.errors import OptionError
 from ..model.methods import Mass, Method, Variant, needs
 from ..model.reduced_body import GROUND, Masses, ReducedBody, Surface
 from ..model.summary import first_frequency

@@ -20,8 +20,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
-from ..files.array_types import FloatArray
-from ..files.errors import FlexfmuError
+from ..files.basics import FlexfmuError, FloatArray
 from ..files.targets import whole_file
 from ..model.reduced_body import ReducedBody
 from ..model.rotations import skew

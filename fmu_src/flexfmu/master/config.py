@@ -6,9 +6,8 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from ..files.errors import SimulationError
+from ..files.basics import MOST_COUPLED_STEPS, SimulationError
 from ..files.inputs import Kind
-from ..files.limits import MOST_COUPLED_STEPS
 from ..files.toml_files import Axes, Name, NotNegative, Table, different, read_toml, validated
 
 # FMU instances; a dot parts them from their variables.

@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.array_types import FloatArray
-from ..files.errors import SimulationError, StoppedError, keeping_partial
-from ..files.limits import MOST_VALUES
+from ..files.basics import MOST_VALUES, FloatArray, SimulationError, StoppedError, keeping_partial
 from ..files.plain_data import picture_html
 from ..files.progress import Reporter, Tell, ends_on_interrupt
 from ..files.tables import write_table

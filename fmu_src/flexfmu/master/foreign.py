@@ -16,7 +16,7 @@ from weakref import WeakSet
 import numpy as np
 
 from ..core.library import library
-from ..files.errors import SimulationError
+from ..files.basics import SimulationError
 from ..files.workers import Worker, WorkerError
 from ..fmu.foreign_host import FAILED, SERVE, Host, Memory, channel
 from ..fmu.instance import FUNCTIONS, LOGGER

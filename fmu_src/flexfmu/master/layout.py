@@ -13,8 +13,7 @@ import fmpy
 import numpy as np
 from fmpy.model_description import BaseUnit, ModelVariable
 
-from ..files.array_types import BoolArray, FloatArray, IntArray
-from ..files.errors import SimulationError, nearest
+from ..files.basics import BoolArray, FloatArray, IntArray, SimulationError, nearest
 from ..files.inputs import Kind, check_input
 from .config import StartValue
 

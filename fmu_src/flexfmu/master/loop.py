@@ -9,8 +9,7 @@ import numpy as np
 
 from ..core.library import library
 from ..core.structures import Arrays, structures
-from ..files.array_types import FloatArray
-from ..files.errors import SimulationError
+from ..files.basics import FloatArray, SimulationError
 from .config import ExperimentTable, Held, Scheme
 from .layout import Ends, Recorded, Springs, Wiring
 from .participants import Participant

@@ -11,7 +11,7 @@ from typing import Any
 import fmpy
 from fmpy.logging import logging as proxy
 
-from ..files.errors import SimulationError
+from ..files.basics import SimulationError
 from ..files.inputs import check_unpacked
 from ..fmu.instance import Instance
 from .foreign import HAND_ON, START, ForeignSlave, Log

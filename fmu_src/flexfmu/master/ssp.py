@@ -4,10 +4,9 @@ import zipfile
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from ..files.errors import SimulationError
+from ..files.basics import SimulationError, __version__
 from ..files.progress import Reporter
 from ..files.targets import check_target, whole_file
-from ..files.version import __version__
 from .config import CouplingFile, Scheme, read_coupling_file
 from .layout import Description, read_description
 from .wiring import wire

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import SimulationError, nearest
+from ..files.basics import FloatArray, IntArray, SimulationError, nearest
 from ..files.tables import read_table
 from ..files.toml_files import orthonormal
 from ..files.units import QUANTITIES

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.array_types import BoolArray, FloatArray, IntArray
-from ..files.errors import MeshError, listed
+from ..files.basics import BoolArray, FloatArray, IntArray, MeshError, listed
 from .elements import ElementBlock
 from .equations import RigidLink, matrix_of, merged
 from .model import Mesh, hung

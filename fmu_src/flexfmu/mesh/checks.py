@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
-from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.files.errors import MeshError, listed
+from flexfmu.files.basics import BoolArray, FloatArray, IntArray, MeshError, listed
 from flexfmu.files.units import UNITS, UnitSystem
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.equations import RigidLink, coupled_nodes, merged, without

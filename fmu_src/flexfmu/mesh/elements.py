@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
+from flexfmu.files.basics import BoolArray, FloatArray, IntArray
 from flexfmu.mesh import shapes
 from flexfmu.mesh.shapes import Quadrature, Shape, Sheet, StrainRule, prism_rule, rectangle_rule, shell_rule
 

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ..files.array_types import BoolArray, FloatArray, IntArray
+from ..files.basics import BoolArray, FloatArray, IntArray
 
 Row = dict[int, float]
 # A coefficient below this part of those that went into it is round-off of zero.

@@ -16,7 +16,7 @@ from typing import Any, cast
 import meshio
 from meshio.med import _med
 
-from flexfmu.files.errors import MeshError
+from flexfmu.files.basics import MeshError
 from flexfmu.files.inputs import Kind, check_input
 from flexfmu.files.units import UnitSystem, unit_system
 from flexfmu.files.workers import Worker, WorkerError

@@ -10,8 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.files.errors import listed
+from flexfmu.files.basics import BoolArray, FloatArray, IntArray, listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.elements import ElementBlock, FaceBlock, by_block, faces_of, volume_matrices
 from flexfmu.mesh.equations import RigidLink, Simplices

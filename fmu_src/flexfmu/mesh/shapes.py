@@ -17,7 +17,7 @@ from math import factorial
 
 import numpy as np
 
-from flexfmu.files.array_types import FloatArray, IntArray
+from flexfmu.files.basics import FloatArray, IntArray
 
 # Decimals of a polynomial's coefficients, which are fractions of small numbers: what comes after is round-off.
 _DECIMALS = 12

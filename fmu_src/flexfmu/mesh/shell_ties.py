@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import MeshError
+from ..files.basics import FloatArray, IntArray, MeshError
 from .elements import face_corners
 from .nearest import nearest_faces, weighted
 from .shapes import FACE_SHAPES

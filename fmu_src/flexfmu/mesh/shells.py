@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.array_types import BoolArray, FloatArray, IntArray
-from ..files.errors import MeshError
+from ..files.basics import BoolArray, FloatArray, IntArray, MeshError
 from .elements import ElementBlock, ElementType
 from .equations import MIDDLE, RigidLink, matrix_of, middles
 from .model import NO_MATERIAL, Mesh, hung

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ModalFileError
+from ..files.basics import ModalFileError
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ then those of the finite element model to second order, whatever the frames are.
 
 import numpy as np
 
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray
 from .rotations import skew
 
 

@@ -15,10 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray, OptionError
 from .arrays import ARRAYS, turned
 from .curvature import from_ground
-from .errors import OptionError
 from .inertia import without_frames
 from .methods import FrameLayout, Method, has_frames, recipe_of
 from .reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, Surface, WholeFrame

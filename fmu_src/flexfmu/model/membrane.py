@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray
 
 # Part of a shape's energy below which other coordinates do not hold it.
 _GONE = 1e-9

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TypeVar
 
-from .errors import OptionError
+from ..files.basics import OptionError
 
 
 class Method(Enum):

@@ -11,8 +11,8 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
+from ..files.basics import ModalFileError
 from .arrays import ARRAYS, Entry
-from .errors import ModalFileError
 from .methods import Mass, Method
 from .reduced_body import GROUPS, ReducedBody, Shadow, StressSet
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray, ModalFileError
 from .arrays import ARRAYS, in_single, settle
-from .errors import ModalFileError
 from .inertia import LumpedMass, MassPolynomial
 from .membrane import Membrane
 from .methods import DEFAULT, Mass, Method, masses_of

@@ -10,7 +10,7 @@ Source: M. Géradin, A. Cardona, Flexible Multibody Dynamics, Wiley 2001, chapte
 
 import numpy as np
 
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray
 
 # Keeps |φ| off zero where it divides; far below round-off of any rotation.
 _TINY = 1e-20

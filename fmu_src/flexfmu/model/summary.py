@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray
 from .reduced_body import Properties, ReducedBody
 
 NORMAL_MODES = "normal_modes"

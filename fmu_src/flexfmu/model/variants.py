@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from .errors import OptionError
+from ..files.basics import OptionError
 from .methods import ASKED_BY, Data, FrameLayout, Mass, Method, Variant, has_frames, masses_of, named, needs, recipe_of
 from .reduced_body import ReducedBody
 

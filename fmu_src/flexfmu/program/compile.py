@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..core.library import Core
-from ..files.array_types import FloatArray
-from ..model.errors import ModalFileError, OptionError
+from ..files.basics import FloatArray, ModalFileError, OptionError
 from ..model.methods import ASKED_BY, Data, Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, recipe_of
 from ..model.reduced_body import GROUND, ReducedBody
 from .mechanics import PLACEMENT, Draft, advice, mechanics

@@ -15,7 +15,7 @@ from math import factorial, prod
 import numpy as np
 
 from ..core.library import Core
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..model.inertia import MassPolynomial
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.image import fields, packed, write_image
-from ..files.array_types import FloatArray, IntArray
-from ..model.errors import OptionError
+from ..files.basics import FloatArray, IntArray, OptionError
 from ..model.inertia import LumpedMass
 from ..model.methods import Kinematics, LoadPlacement, Mass, Recipe, Stiffness
 from ..model.reduced_body import ReducedBody

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.image import DESCRIPTION, shared
 from ..core.interface import symbols
-from ..model.errors import OptionError
+from ..files.basics import OptionError
 from ..model.fixing import with_fixed_interfaces, with_frame_layout
 from ..model.methods import Mass, Method, has_frames, masses_of
 from ..model.reduced_body import GROUND, ReducedBody

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.image import packed
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray, OptionError
 from ..model.curvature import relative_curvature
-from ..model.errors import OptionError
 from ..model.inertia import LumpedMass
 from ..model.methods import Kinematics
 from ..model.reduced_body import GROUND, ReducedBody

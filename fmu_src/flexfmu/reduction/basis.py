@@ -9,7 +9,7 @@ import numpy as np
 from ..fe.assembly import stiffness
 from ..fe.factorisation import solver_name
 from ..fe.gradients import geometric_stiffness
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
 from .model import Model

@@ -13,8 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import ModelError
+from ..files.basics import FloatArray, IntArray, ModelError
 from ..mesh.model import Along, SpringDamper
 
 # A bushing's averaged motion couples all of its nodes.

@@ -14,8 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import BodyFileError, MeshError
+from ..files.basics import BodyFileError, FloatArray, IntArray, MeshError
 from ..mesh.elements import FaceBlock
 from ..mesh.equations import coupled_nodes
 from ..mesh.model import Mesh

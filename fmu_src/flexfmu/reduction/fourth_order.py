@@ -13,7 +13,7 @@ import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
 from ..fe.gradients import mean_spin, quadratic_strain, turned_stress
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..files.store import content_key
 from ..mesh.model import Mesh
 from .basis import Matrices

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND, WholeFrame
 from .division import Joints, divide, divide_branches, open_loops

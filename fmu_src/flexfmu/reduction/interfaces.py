@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..fe.faces import area_matrix, select
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import BodyFileError
+from ..files.basics import BodyFileError, FloatArray, IntArray
 from ..mesh.model import Mesh
 from .options import InterfaceNodes
 from .places import node_set, reference

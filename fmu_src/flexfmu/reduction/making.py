@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.array_types import FloatArray
-from ..files.errors import BodyFileError
+from ..files.basics import BodyFileError, FloatArray
 from ..model.methods import Method, Variant
 from ..model.reduced_body import GROUND, ReducedBody
 from .interfaces import InterfaceFit

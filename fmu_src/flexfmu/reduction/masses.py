@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..mesh.model import Mesh, PointMass
 from ..model.inertia import LumpedMass
 from ..model.reduced_body import GROUND, Masses, Properties

@@ -17,8 +17,7 @@ import numpy as np
 
 from ..fe.factorisation import GIGA, free_memory
 from ..fe.gradients import mean_spin
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import ModelError
+from ..files.basics import FloatArray, IntArray, ModelError
 from ..files.store import content_key
 from ..model.membrane import Membrane
 from .basis import Matrices

@@ -10,8 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..fe.unknowns import Unknowns, unknowns
-from ..files.array_types import BoolArray, FloatArray, IntArray
-from ..files.errors import BodyFileError, ModelError, listed
+from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray, ModelError, listed
 from ..files.toml_files import orthonormal
 from ..files.units import UnitSystem
 from ..mesh.checks import connected_parts, linked_pieces, without_mechanisms

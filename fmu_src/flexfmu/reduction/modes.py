@@ -11,8 +11,7 @@ import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import AccuracyError, BodyFileError, ModelError
+from ..files.basics import AccuracyError, BodyFileError, FloatArray, IntArray, ModelError
 from .supported import Supported
 
 # The small eigenproblem reaches round-off; this leaves three decades for matrices of bad condition.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Literal
 
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray
 from ..files.units import UnitSystem
 from ..model.methods import DEFAULT, Data, Variant
 from ..model.reduced_body import Properties

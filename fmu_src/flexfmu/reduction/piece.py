@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..fe.stress import point_stress, stress_jumps
-from ..files.array_types import FloatArray
-from ..files.errors import plural
+from ..files.basics import FloatArray, plural
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
 from ..model.inertia import LumpedMass

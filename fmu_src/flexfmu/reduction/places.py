@@ -6,8 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..files.array_types import BoolArray, FloatArray, IntArray
-from ..files.errors import BodyFileError, listed
+from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray, listed
 from ..files.units import UnitSystem
 from ..mesh.model import Mesh
 from .options import BodyOptions, FrameNodes, InterfaceNodes, Nodes, Place, SupportNodes

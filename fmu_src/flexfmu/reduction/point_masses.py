@@ -8,8 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..fe.assembly import assembled, mass
-from ..files.array_types import FloatArray
-from ..files.errors import ModelError
+from ..files.basics import FloatArray, ModelError
 from ..mesh.model import Mesh, PointMass
 from .rigid_fit import by_node, rigid_fit
 

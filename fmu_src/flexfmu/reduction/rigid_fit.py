@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 
 # Second moments of the set below this fraction of the largest count as zero: nodes on a line or in one point.
 _FLAT = 1e-9

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..mesh.equations import RigidLink, Simplices, effects, followers, matrix_of, recognised, simplex
 from ..mesh.model import Mesh
 from .options import BodyOptions

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..fe.gradients import geometric_stiffness
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..mesh.model import Mesh
 from ..model.curvature import from_ground, product
 from ..model.reduced_body import SecondOrder

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..files.array_types import FloatArray
-from ..files.limits import MOST_FRAMES
+from ..files.basics import MOST_FRAMES, FloatArray
 from ..model.methods import Data, Method, Variant
 from .options import BodyOptions
 from .subdomains import Subdomain

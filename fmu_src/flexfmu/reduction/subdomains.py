@@ -8,8 +8,7 @@ import scipy.sparse as sp
 
 from ..fe.assembly import mean_gradient, scatter
 from ..fe.faces import area_matrix, select
-from ..files.array_types import BoolArray, FloatArray, IntArray
-from ..files.errors import BodyFileError
+from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND
 from ..model.rotations import skew

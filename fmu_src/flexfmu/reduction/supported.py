@@ -15,7 +15,7 @@ import scipy.sparse as sp
 
 from ..fe.factorisation import Factorisation
 from ..fe.unknowns import Unknowns
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..fe.gradients import quadratic_strain
 from ..fe.stress import nodal_stress
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..files.progress import tell_nobody
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND, Surface

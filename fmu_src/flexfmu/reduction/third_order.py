@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse.linalg as spla
 
 from ..fe.gradients import mean_spin, own_spin, quadratic_strain, stress_stiffness, stressed_gradients
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray
 from ..files.progress import Reporter, tell_nobody
 from ..files.store import Store, content_key
 from .basis import Matrices, completed_basis

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ..fe.cells import cells
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..mesh.model import Mesh
 from .subdomains import Subdomain
 

@@ -8,7 +8,7 @@ from itertools import product
 from ..body.flexible_body import StepLimits
 from ..build.config import BodyFile
 from ..build.tables import FormulationTable
-from ..files.errors import plural
+from ..files.basics import plural
 from ..model.methods import Data, Mass, Method, Variant, conflict, has_frames, masses_of, needs
 from ..reduction.options import Basis
 from .scene.config import BasisChoice

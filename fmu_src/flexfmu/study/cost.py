@@ -8,9 +8,8 @@ import numpy as np
 
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import Loads
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray, RuntimeBodyError
 from ..files.progress import Reporter
-from ..model.errors import RuntimeBodyError
 from ..model.methods import Method, Variant
 from ..model.reduced_body import ReducedBody
 from ..model.variants import offered_variants

@@ -8,12 +8,11 @@ from pathlib import Path
 
 from ..build.body_model import read_body_model
 from ..build.config import read_body_file
-from ..files.errors import AccuracyError, BodyFileError, plural
+from ..files.basics import AccuracyError, BodyFileError, RuntimeBodyError, plural
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..files.targets import check_target, whole_file
 from ..fmu.package import package_fmu
-from ..model.errors import RuntimeBodyError
 from ..model.methods import Mass, Method, Variant, has_frames, masses_of
 from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen

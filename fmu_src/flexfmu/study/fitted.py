@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..build.config import BodyFile
-from ..files.errors import plural
+from ..files.basics import plural
 from ..files.plain_data import table_frame
 from ..files.toml_files import toml_value
 from ..model.methods import Variant

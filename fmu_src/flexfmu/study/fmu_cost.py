@@ -15,7 +15,7 @@ import fmpy
 from pythonfmu.builder import FmuBuilder
 
 from ..body.flexible_body import StepLimits
-from ..files.errors import SimulationError
+from ..files.basics import SimulationError
 from ..files.workers import Worker, WorkerError
 from ..fmu.package import package_fmu
 from ..model.methods import Mass, Variant

@@ -14,7 +14,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
-from ..files.errors import plural
+from ..files.basics import plural
 from ..files.store import code_digest
 from ..files.targets import whole_file
 from ..model.methods import Method, has_frames

@@ -13,10 +13,9 @@ from ..body.reference_loads import reference_loads
 from ..build.config import BodyFile, read_body_file
 from ..build.tables import FormulationTable
 from ..core.interface import parameter
-from ..files.errors import BodyFileError, plural
+from ..files.basics import BodyFileError, EquilibriumError, plural
 from ..files.progress import Reporter
 from ..files.store import Store
-from ..model.errors import EquilibriumError
 from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen
 from .candidates import times

@@ -19,12 +19,11 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody
 from ..build.reduce import reduce_body
 from ..core.library import library_path
-from ..files.array_types import FloatArray
+from ..files.basics import FloatArray, RuntimeBodyError
 from ..files.progress import Reporter
 from ..files.store import Store
 from ..files.targets import PICTURE_SUFFIXES, check_target
 from ..fmu.python_slave import BodySlave, SlaveError, core_file
-from ..model.errors import RuntimeBodyError
 from ..model.methods import Mass, Variant, has_frames
 from ..model.reduced_body import ReducedBody
 from ..model.variants import lean

@@ -19,12 +19,10 @@ from ..body.flexible_body import Errors, FlexibleBody, StepLimits
 from ..build.config import BodyFile
 from ..build.reduce import reduce_body
 from ..core.interface import parameter
-from ..files.array_types import FloatArray
-from ..files.errors import FlexfmuError
+from ..files.basics import FlexfmuError, FloatArray, RuntimeBodyError
 from ..files.progress import Reporter
 from ..files.store import REUSED, Store
 from ..model.arrays import ARRAYS, turned
-from ..model.errors import RuntimeBodyError
 from ..model.methods import Mass, Variant
 from ..model.reduced_body import GROUPS, ReducedBody
 from ..model.variants import lean

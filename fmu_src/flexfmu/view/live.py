@@ -10,8 +10,7 @@ from ..body.flexible_body import FlexibleBody
 from ..body.recovery import surface_data, surface_of
 from ..core.binaries import web_core
 from ..core.image import DESCRIPTION
-from ..files.array_types import FloatArray
-from ..model.errors import OptionError
+from ..files.basics import FloatArray, OptionError
 from ..program.programs import programs, with_guid
 from ..program.variable_table import variable_table
 from .model import DISPLACEMENT, View

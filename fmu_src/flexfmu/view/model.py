@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 
 DISPLACEMENT, STRESS = "displacement", "von Mises stress"
 

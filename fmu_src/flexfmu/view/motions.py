@@ -7,8 +7,7 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody, State
 from ..body.loads import Loads
 from ..body.recovery import surface_of, surface_von_mises
-from ..files.array_types import FloatArray, IntArray
-from ..files.errors import FlexfmuError, plural
+from ..files.basics import FlexfmuError, FloatArray, IntArray, plural
 from ..files.progress import Reporter
 from ..model.reduced_body import GROUND
 from .model import STRESS, Case, Mark, MarkKind, Region, View, metres

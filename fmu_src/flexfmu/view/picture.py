@@ -9,7 +9,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from ..files.array_types import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray
 from ..files.figures import Drawing
 from ..reduction.surface import face_edges, face_normals
 from .model import DISPLACEMENT, STRESS, Case, MarkKind, View

@@ -10,8 +10,7 @@ from xml.sax.saxutils import quoteattr
 import meshio
 import numpy as np
 
-from ..files.array_types import FloatArray
-from ..files.errors import FlexfmuError, OutputError
+from ..files.basics import FlexfmuError, FloatArray, OutputError
 from ..files.plain_data import page_text
 from ..files.targets import PICTURE_SUFFIXES, check_target, whole_file
 from .model import Case, View

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from flexfmu.files.array_types import FloatArray
+from flexfmu.files.basics import FloatArray
 from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
 from flexfmu.model.rotations import exponential
 

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.files.errors import listed
+from flexfmu.files.basics import BoolArray, FloatArray, IntArray, listed
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.couplings import Coupling
 from flexfmu.mesh.decks.geometry import Element

@@ -5,8 +5,7 @@ from collections.abc import Container, Mapping, Sequence
 
 import numpy as np
 
-from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.files.errors import DeckError, listed
+from flexfmu.files.basics import BoolArray, DeckError, FloatArray, IntArray, listed
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.sets import Deck
 

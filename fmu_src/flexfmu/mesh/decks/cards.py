@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from flexfmu.files.array_types import FloatArray
-from flexfmu.files.errors import DeckError, MeshError, listed
+from flexfmu.files.basics import DeckError, FloatArray, MeshError, listed
 
 Found = TypeVar("Found")
 # Files that are included within each other; no deck of a user has as many.

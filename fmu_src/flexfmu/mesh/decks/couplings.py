@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
+from flexfmu.files.basics import BoolArray, FloatArray, IntArray
 from flexfmu.mesh.decks.cards import Card, fields, integer, number
 from flexfmu.mesh.decks.sets import Deck, DeckSurface
 from flexfmu.mesh.equations import RigidLink

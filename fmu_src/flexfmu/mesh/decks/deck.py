@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfmu.files.array_types import BoolArray, FloatArray, IntArray
-from flexfmu.files.errors import DeckError, MeshError, listed
+from flexfmu.files.basics import BoolArray, DeckError, FloatArray, IntArray, MeshError, listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import Beam, with_beams
 from flexfmu.mesh.decks import structures

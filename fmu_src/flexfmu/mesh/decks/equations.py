@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flexfmu.files.array_types import FloatArray, IntArray
-from flexfmu.files.errors import listed
+from flexfmu.files.basics import FloatArray, IntArray, listed
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.sets import Deck, DeckSurface, SetTable
 from flexfmu.mesh.elements import face_corners

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfmu.files.array_types import FloatArray, IntArray
-from flexfmu.files.errors import DeckError, listed
+from flexfmu.files.basics import DeckError, FloatArray, IntArray, listed
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.types import SUPPORTED, reading
 from flexfmu.mesh.elements import ElementBlock, ElementType, by_block

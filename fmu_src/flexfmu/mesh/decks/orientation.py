@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexfmu.files.array_types import FloatArray
+from flexfmu.files.basics import FloatArray
 from flexfmu.mesh.decks.cards import Card, fields, integer, number
 from flexfmu.model.rotations import exponential
 

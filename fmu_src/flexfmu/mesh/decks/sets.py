@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfmu.files.array_types import IntArray
-from flexfmu.files.errors import listed
+from flexfmu.files.basics import IntArray, listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.decks.cards import FLAT, Card, Line, Scope, fields, integer
 from flexfmu.mesh.decks.geometry import Element, Elements, NodeTable

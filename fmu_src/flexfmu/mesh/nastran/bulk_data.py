@@ -13,8 +13,7 @@ from typing import Any
 import meshio
 import numpy as np
 
-from flexfmu.files.array_types import IntArray
-from flexfmu.files.errors import MeshError, listed
+from flexfmu.files.basics import IntArray, MeshError, listed
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.elements import ASSUMED
 from flexfmu.mesh.in_memory import Contents, Member, cells_of

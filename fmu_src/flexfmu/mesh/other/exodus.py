@@ -9,8 +9,7 @@ import meshio
 import numpy as np
 from scipy.io import netcdf_file
 
-from flexfmu.files.array_types import IntArray
-from flexfmu.files.errors import MeshError
+from flexfmu.files.basics import IntArray, MeshError
 from flexfmu.mesh.elements import ASSUMED
 from flexfmu.mesh.in_memory import Contents
 from flexfmu.mesh.other.extras import quiet

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from flexfmu.files.errors import FlexfmuError, MeshError
+from flexfmu.files.basics import FlexfmuError, MeshError
 
 
 def imported(module: str, path: Path, library: str, extra: str) -> Any:

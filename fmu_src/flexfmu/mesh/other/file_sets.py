@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ...files.array_types import IntArray
+from ...files.basics import IntArray
 
 # Data under such names describe gmsh's geometry, not groups that the user made.
 GMSH_PREFIX = "gmsh:"

@@ -10,7 +10,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from flexfmu.files.errors import MeshError, listed
+from flexfmu.files.basics import MeshError, listed
 from flexfmu.mesh.in_memory import Contents, Member, cells_of
 from flexfmu.mesh.other.extras import quiet
 

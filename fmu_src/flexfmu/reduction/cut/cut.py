@@ -11,8 +11,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ...fe.assembly import stiffness
-from ...files.array_types import BoolArray, FloatArray, IntArray
-from ...files.errors import BodyFileError, listed
+from ...files.basics import BodyFileError, BoolArray, FloatArray, IntArray, listed
 from ...mesh.checks import connected_parts, nodes_of_elements
 from ...mesh.equations import coupled_nodes, renumbered
 from ...mesh.model import Mesh, moved_springs

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from ...files.array_types import BoolArray, FloatArray, IntArray
-from ...files.errors import ModelError
+from ...files.basics import BoolArray, FloatArray, IntArray, ModelError
 from ...model.arrays import ARRAYS, Entry
 from ...model.membrane import Membrane
 from ...model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, StressSet, Surface, Ties

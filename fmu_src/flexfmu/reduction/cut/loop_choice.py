@@ -7,8 +7,7 @@ from math import ceil
 import numpy as np
 
 from ...fe.gradients import mean_spin
-from ...files.array_types import FloatArray, IntArray
-from ...files.errors import BodyFileError
+from ...files.basics import BodyFileError, FloatArray, IntArray
 from ...files.progress import Reporter
 from ...files.store import Store
 from ...mesh.model import Mesh

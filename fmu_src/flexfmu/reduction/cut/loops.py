@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ...files.array_types import BoolArray, FloatArray, IntArray
+from ...files.basics import BoolArray, FloatArray, IntArray
 from ...mesh.checks import linked_pieces, nodes_of_elements
 from ...mesh.equations import coupled_nodes
 from ...mesh.model import Mesh

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from ...files.array_types import FloatArray, IntArray
-from ...files.errors import BodyFileError, plural
+from ...files.basics import BodyFileError, FloatArray, IntArray, plural
 from ...files.progress import Reporter
 from ...files.store import Store, content_key
 from ...model.reduced_body import ReducedBody, Shadow

@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from ...body.flexible_body import FlexibleBody
-from ...files.errors import AccuracyError, SimulationError, plural
+from ...files.basics import AccuracyError, RuntimeBodyError, SimulationError, plural
 from ...files.progress import Reporter
 from ...files.store import Store
-from ...model.errors import RuntimeBodyError
 from ...model.methods import Mass, Method, has_frames
 from ...model.modal_file import write_modal_file
 from ...model.reduced_body import ReducedBody

@@ -6,9 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from ...files.errors import FlexfmuError
+from ...files.basics import MOST_FRAMES, MOST_MODES, MOST_STEPS, FlexfmuError
 from ...files.inputs import Kind
-from ...files.limits import MOST_FRAMES, MOST_MODES, MOST_STEPS
 from ...files.toml_files import Name, Positive, Table, ascending, different, read_toml, validated
 from ...model.methods import Mass, Method
 

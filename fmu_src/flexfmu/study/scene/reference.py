@@ -18,11 +18,9 @@ from ...body.loads import Loads
 from ...build.config import BodyFile
 from ...build.reduce import reduce_body
 from ...build.tables import FormulationTable, ReductionTable
-from ...files.array_types import FloatArray
-from ...files.limits import MOST_FRAMES
+from ...files.basics import MOST_FRAMES, EquilibriumError, FloatArray, RuntimeBodyError, StepError
 from ...files.progress import Reporter, Stages, Tell, tell_nobody
 from ...files.store import Store, content_key
-from ...model.errors import EquilibriumError, RuntimeBodyError, StepError
 from ...model.methods import Mass, Method
 from .config import AcceptedTable, SceneError
 from .scene import Scene, StaticCase, TransientCase, read_results

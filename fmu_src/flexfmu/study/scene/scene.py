@@ -9,7 +9,7 @@ import numpy as np
 
 from ...body.loads import Loads
 from ...build.config import BodyFile, read_body_file
-from ...files.array_types import FloatArray
+from ...files.basics import FloatArray
 from ...files.inputs import Kind, check_input
 from ...files.tables import read_table
 from ...program.variable_table import ACCELERATION

@@ -9,8 +9,7 @@ import numpy as np
 from ...build.body_model import BodyModel, read_body_model
 from ...build.config import BodyFile
 from ...fe.nonlinear import load_path
-from ...files.array_types import FloatArray
-from ...files.errors import AccuracyError
+from ...files.basics import AccuracyError, FloatArray
 from ...files.progress import Reporter
 from ...files.store import Store, content_key
 from ...model.rotations import exponential, rotation_vector

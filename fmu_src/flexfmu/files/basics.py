@@ -1,10 +1,31 @@
-"""What can go wrong on the build side, and how messages list, count and guess names."""
+"""What nearly all modules take: types of arrays, limits, errors, and how messages list, count and guess names."""
 
 import difflib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+MOST_MODES = 1000
+"""Normal modes of a body."""
+MOST_FRAMES = 1000
+"""Frames, or levels of them."""
+MOST_STEPS = 1_000_000
+"""Communication steps that every model of a scene takes."""
+MOST_COUPLED_STEPS = 100_000_000
+"""Communication steps of a coupling: of the smallest FMUs they take hours."""
+MOST_VALUES = 5e7
+"""Results that a run of FMUs keeps, rows times columns: some 2 GB while it runs."""
+
+__version__ = version("flexfmu")
 
 INTERRUPTED = 130
 """Exit code of a job that Ctrl-C ended, as shells have it."""
@@ -172,3 +193,43 @@ def listed(items: Iterable[object]) -> str:
         return "none"
     shown = ", ".join(names[:SHOWN])
     return shown if len(names) <= SHOWN else f"{shown} and {len(names) - SHOWN} more"
+
+
+class RuntimeBodyError(Exception):
+    """Base of the errors that the travelling code raises."""
+
+
+class ModalFileError(RuntimeBodyError):
+    """The modal file is not one, is damaged, or has a schema that this version does not read."""
+
+
+class ContentsError(RuntimeBodyError):
+    """Files of an FMU do not belong together."""
+
+
+class OptionError(RuntimeBodyError):
+    """An option or parameter has a value that is not offered."""
+
+
+class LoadError(RuntimeBodyError):
+    """A load is not finite, or acts on an interface that the body does not have."""
+
+
+class EquilibriumError(RuntimeBodyError):
+    """No stable equilibrium was found under the load.
+
+    Parameters
+    ----------
+    message : str
+        What happened and what to do.
+    load_factor : float
+        Largest fraction of the load for which a stable equilibrium was found.
+    """
+
+    def __init__(self, message: str, load_factor: float):
+        super().__init__(message)
+        self.load_factor = load_factor
+
+
+class StepError(RuntimeBodyError):
+    """A time step has no solution that the iteration can find; the state before it is untouched."""
