@@ -45,9 +45,8 @@ import scipy.sparse as sp
 
 from benchmarks.coverage import kind_of
 from flexfmu import FlexfmuError
-from flexfmu.fe.assembly import mass, stiffness
+from flexfmu.fe.assembly import mass, stiffness, unknowns
 from flexfmu.fe.factorisation import Factorisation
-from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked, without_mechanisms
 from flexfmu.mesh.decks.deck import read_deck

@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from flexfmu.files.targets import whole_file
+from flexfmu.files.outputs import whole_file
 
 WHERE = ("commit", "day", "machine", "python")
 """Columns that tell where a row was measured."""

@@ -15,9 +15,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from benchmarks.against_calculix import FORCE, calculix
-from flexfmu.fe.assembly import stiffness
+from flexfmu.fe.assembly import stiffness, unknowns
 from flexfmu.fe.factorisation import Factorisation
-from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck

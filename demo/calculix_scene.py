@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfmu.fe.cells import elasticity
+from flexfmu.fe.layers import elasticity
 from flexfmu.files.basics import FloatArray, IntArray
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementBlock

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from flexfmu.core.image import read_image
+from flexfmu.core.interface import read_image
 from flexfmu.model import modal_file
-from flexfmu.model.inertia import LumpedMass, MassPolynomial
-from flexfmu.model.membrane import Membrane
+from flexfmu.model.inertia import LumpedMass, MassPolynomial, Membrane
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, Ties, WholeFrame
 from flexfmu.program.compile import compile_program

@@ -15,7 +15,7 @@ import numpy as np
 
 from bodies import body_of_everything, random_ties
 from flexfmu.core import library as core_library
-from flexfmu.core.image import _HEAD, DESCRIPTION, checksum, fields, read_image
+from flexfmu.core.interface import _HEAD, DESCRIPTION, checksum, fields, read_image
 from flexfmu.core.library import Core, StepLimits
 from flexfmu.files.basics import OptionError
 from flexfmu.fmu.python_slave import SlaveError, core_file

@@ -22,7 +22,7 @@ from benchmarks.defaults.body import Body, Loads
 from benchmarks.defaults.published import EVERY
 from benchmarks.defaults.shapes import FloatArray
 from benchmarks.records import read_records, write_records
-from flexfmu.fe.faces import area_matrix, select
+from flexfmu.fe.assembly import area_matrix, select
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.formats import read_mesh
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-from flexfmu.fe.faces import area_matrix, select
+from flexfmu.fe.assembly import area_matrix, select
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.reduction.interfaces import InterfaceFit, fit_interface
+from flexfmu.reduction.bodies import InterfaceFit, fit_interface
 from flexfmu.reduction.options import InterfaceNodes
 
 FloatArray = NDArray[np.float64]

@@ -24,10 +24,9 @@ if TYPE_CHECKING:
     )
     from .files.units import UnitSystem as UnitSystem
     from .fmu.built_body import BuiltBody as BuiltBody, SimulationResult as SimulationResult, load as load
-    from .given.matrices import linear_body as linear_body
+    from .given.linear import linear_body as linear_body, read_sid as read_sid, write_sid as write_sid
     from .given.modes import GivenModes as GivenModes, read_given as read_given
     from .given.packing import pack as pack
-    from .given.sid import read_sid as read_sid, write_sid as write_sid
     from .mesh.formats import read_mesh as read_mesh
     from .mesh.model import Mesh as Mesh
     from .mesh.shells import shell_mesh as shell_mesh
@@ -52,10 +51,9 @@ _MODULES = {
     ),
     ".files.units": ("UnitSystem",),
     ".fmu.built_body": ("BuiltBody", "SimulationResult", "load"),
-    ".given.matrices": ("linear_body",),
+    ".given.linear": ("linear_body", "read_sid", "write_sid"),
     ".given.modes": ("GivenModes", "read_given"),
     ".given.packing": ("pack",),
-    ".given.sid": ("read_sid", "write_sid"),
     ".mesh.formats": ("read_mesh",),
     ".mesh.model": ("Mesh",),
     ".mesh.shells": ("shell_mesh",),

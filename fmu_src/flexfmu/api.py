@@ -7,7 +7,6 @@ from html import escape
 from pathlib import Path
 from typing import Any, Literal
 
-from .build.body_model import body_model
 from .build.choices import (
     Interface,
     NodeChoices,
@@ -20,9 +19,9 @@ from .build.choices import (
     support_table,
 )
 from .build.config import read_body_file
-from .build.reduce import reduce_mesh
+from .build.reduce import body_model, reduce_mesh
 from .files.basics import BodyFileError
-from .files.plain_data import picture_html, rows_html
+from .files.outputs import picture_html, rows_html
 from .files.progress import Reporter, ScriptReporter
 from .files.store import Store
 from .files.units import UnitSystem, unit_system

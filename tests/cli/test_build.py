@@ -26,7 +26,7 @@ from flexfmu.files.progress import Reporter
 from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.modal_file import read_modal_file
-from flexfmu.reduction.interfaces import fit_interface
+from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.options import InterfaceNodes
 from meshes import BAR, arc, bars, body_file, box, lattice, with_sets, write_deck
 from references import relative

@@ -19,8 +19,7 @@ from flexfmu.files.progress import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.reduction.options import Place
-from flexfmu.reduction.places import node_set
+from flexfmu.reduction.options import Place, node_set
 from meshes import body_file, box, grid, lattice, write_deck
 from scene_tools import Listening
 

@@ -5,21 +5,20 @@ import json
 import re
 import subprocess
 import sys
-from pathlib import Path
+from inspect import isfunction
 
 import numpy as np
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-import flexfmu.commands
 from bodies import random_body, with_second_order
 from flexfmu.calls.describing import cost_table, describe
+from flexfmu.commands import jobs
 from flexfmu.commands.cli import COMMANDS, app
 from flexfmu.files.basics import FlexfmuError
-from flexfmu.files.plain_data import json_text
-from flexfmu.files.quantities import factor, named, number, unit_of
-from flexfmu.files.tables import read_table
+from flexfmu.files.outputs import json_text
+from flexfmu.files.tables import factor, named, quantity, read_table, unit_of
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.model.methods import Method, Variant, masses_of
@@ -57,7 +56,6 @@ def test_shells_complete_the_commands():
     assert "simulate" in done.stdout
 
 
-PACKAGE = Path(flexfmu.commands.__file__).parent
 # What takes long to import, and rooms that a running body does without.
 HEAVY = {"felupe", "fmpy", "joblib", "matplotlib", "meshio", "pymetis", "pythonfmu", "scipy"}
 # What makes an FMU.
@@ -93,9 +91,10 @@ def test_commands_import_what_they_use_and_nothing_else(fmu, tmp_path, words, un
     assert loaded & unused == set()
 
 
-def test_every_module_beside_the_command_line_is_a_command():
-    found = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__", "cli", "common"}
-    assert found == set(COMMANDS)
+def test_every_job_is_a_command():
+    helpers = {jobs.reporter, jobs.show_written, jobs.ends_in_words}
+    own = [one for one in vars(jobs).values() if isfunction(one) and one.__module__ == jobs.__name__]
+    assert {one.__name__ for one in own if one not in helpers and not one.__name__.startswith("_")} == set(COMMANDS)
 
 
 def test_info_as_json_holds_the_frequencies(fmu):
@@ -210,9 +209,9 @@ def test_a_unit_of_another_quantity_is_refused():
     with pytest.raises(FlexfmuError, match="'mm', expected one of N, mN, kN"):
         named("tip.force.y [mm]")
     with pytest.raises(FlexfmuError, match="expected a number"):
-        number("much", "tip.force.y")
-    assert number("5kN", "tip.force.y") == number("5e3", "tip.force.y") == 5000.0
-    assert number("-1.5e-2 N m", "tip.moment.y") == -0.015
+        quantity("much", "tip.force.y")
+    assert quantity("5kN", "tip.force.y") == quantity("5e3", "tip.force.y") == 5000.0
+    assert quantity("-1.5e-2 N m", "tip.moment.y") == -0.015
 
 
 def test_every_variable_of_an_fmu_with_a_unit_tells_the_same_by_its_name(bodies):

@@ -12,7 +12,7 @@ import pytest
 
 from bodies import LINEAR, Beam, beam_body, random_body
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
-from flexfmu.core.image import VERSION
+from flexfmu.core.interface import VERSION
 from flexfmu.files.basics import ContentsError, PackagingError
 from flexfmu.fmu import python_slave
 from flexfmu.fmu.description import Runtime

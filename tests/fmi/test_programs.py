@@ -12,13 +12,12 @@ import pytest
 
 from bodies import beam_body, body_of_everything
 from flexfmu.core import building
-from flexfmu.core.image import _HEAD, DESCRIPTION, ProgramError, fields, packed, read_image, write_image
+from flexfmu.core.interface import _HEAD, DESCRIPTION, ProgramError, fields, packed, read_image, write_image
 from flexfmu.core.library import Core, library_path
 from flexfmu.files.basics import OptionError
 from flexfmu.model.methods import Method
-from flexfmu.program.compile import compile_program
+from flexfmu.program.compile import compile_program, programs, with_guid
 from flexfmu.program.mechanics import Draft
-from flexfmu.program.programs import programs, with_guid
 from program_fuzzer import places, resealed, small_programs
 
 pytestmark = pytest.mark.slow

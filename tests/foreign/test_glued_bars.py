@@ -5,10 +5,9 @@ import csv
 import numpy as np
 import pytest
 
-from flexfmu.fe.assembly import stiffness
+from flexfmu.fe.assembly import stiffness, unknowns
 from flexfmu.fe.factorisation import Factorisation
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked

@@ -15,7 +15,7 @@ from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Mesh
 from flexfmu.model.rotations import exponential
-from flexfmu.reduction.interfaces import fit_interface
+from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.model import assemble_model
 from flexfmu.study.scene.whole_model import finite_motion
 from meshes import box

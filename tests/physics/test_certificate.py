@@ -9,14 +9,14 @@ import pytest
 from driven import Driven
 from flexfmu.api import Body, Support
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.body_model import body_model
+from flexfmu.build.reduce import body_model
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import OptionError
 from flexfmu.files.progress import Reporter
 from flexfmu.fmu.runtime import Runtime
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
-from flexfmu.reduction.interfaces import fit_interface
+from flexfmu.reduction.bodies import fit_interface
 from meshes import bars, box, with_sets
 from native_master.bare_fmi2 import DISCARD, OK
 

@@ -13,11 +13,10 @@ from scipy.spatial import cKDTree
 
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
-from flexfmu.build.body_model import read_body_model
 from flexfmu.build.config import read_body_file
-from flexfmu.build.reduce import reduce_body
+from flexfmu.build.reduce import read_body_model, reduce_body
 from flexfmu.build.tables import CutTable, MeshTable, SupportTable
-from flexfmu.core.image import read_image
+from flexfmu.core.interface import read_image
 from flexfmu.files.basics import BodyFileError, OptionError
 from flexfmu.files.progress import Reporter
 from flexfmu.files.units import UnitSystem

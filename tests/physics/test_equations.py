@@ -7,11 +7,9 @@ import pytest
 from demo.calculix_scene import deck as calculix_deck
 
 import flexfmu
-from flexfmu.fe.assembly import stiffness
-from flexfmu.fe.faces import area_matrix, select
+from flexfmu.fe.assembly import area_matrix, select, stiffness, unknowns
 from flexfmu.fe.factorisation import Factorisation
-from flexfmu.fe.stress import point_stress
-from flexfmu.fe.unknowns import unknowns
+from flexfmu.fe.gradients import point_stress
 from flexfmu.files.basics import ModelError
 from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked

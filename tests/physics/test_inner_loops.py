@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from flexfmu import Body, FlexibleBody
-from flexfmu.build.body_model import read_body_model
-from flexfmu.build.reduce import reduce_body
+from flexfmu.build.reduce import read_body_model, reduce_body
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType
+from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.cut.loops import element_contacts, inner_sections
-from flexfmu.reduction.interfaces import fit_interface
 from meshes import bars, body_file, box, with_sets
 
 SIDE = 0.01

@@ -8,9 +8,8 @@ from benchmarks.thin.bodies import LAYERS, Middle
 
 import flexfmu
 from decks import read
-from flexfmu.fe.assembly import stiffness
-from flexfmu.fe.stress import nodal_stress, point_stress
-from flexfmu.fe.unknowns import unknowns
+from flexfmu.fe.assembly import stiffness, unknowns
+from flexfmu.fe.gradients import nodal_stress, point_stress
 from flexfmu.files.basics import DeckError, MeshError
 from flexfmu.mesh.model import Material, laminate
 from flexfmu.model.rotations import exponential

@@ -15,7 +15,7 @@ from flexfmu.build.tables import OutputTable
 from flexfmu.calls.describing import describe
 from flexfmu.files.basics import EquilibriumError, ModelError
 from flexfmu.files.progress import Reporter
-from flexfmu.model.membrane import Membrane
+from flexfmu.model.inertia import Membrane
 from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction import membrane
 from flexfmu.reduction.membrane import _FLAT, _LARGE, _NOTHING, _SHELL, Stretching

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 from bodies import beam_body, body_of_everything, random_body, random_ties, with_polynomial
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
-from flexfmu.core.image import read_image
+from flexfmu.core.interface import read_image
 from flexfmu.core.library import Core
 from flexfmu.files.basics import OptionError
 from flexfmu.model.methods import Mass, Method

@@ -10,7 +10,7 @@ from flexfmu.files.progress import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.reduction.interfaces import fit_interface
+from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.model import assemble_model
 from meshes import body_file, box
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative

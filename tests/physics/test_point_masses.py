@@ -16,7 +16,7 @@ from flexfmu.mesh.model import PointMass
 from flexfmu.model.rotations import skew
 from flexfmu.reduction.masses import body_properties
 from flexfmu.reduction.model import free_motions
-from flexfmu.reduction.point_masses import model_mass, point_mass_matrix
+from flexfmu.reduction.rigid_fit import model_mass, point_mass_matrix
 from foreign.deck_bars import HERE
 from foreign.heavy_bar import COUNT, heavy_deck
 from foreign.test_foreign import nastran

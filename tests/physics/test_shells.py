@@ -14,18 +14,23 @@ from scipy.linalg import eigh
 
 import flexfmu
 from decks import read
-from flexfmu.fe.assembly import elastic_cells, stiffness
-from flexfmu.fe.gradients import geometric_stiffness, quadratic_strain, stress_stiffness
+from flexfmu.fe.assembly import elastic_cells, stiffness, unknowns
+from flexfmu.fe.gradients import (
+    geometric_stiffness,
+    nodal_stress,
+    point_stress,
+    quadratic_strain,
+    stress_jumps,
+    stress_stiffness,
+)
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.fe.stress import nodal_stress, point_stress, stress_jumps
-from flexfmu.fe.unknowns import unknowns
 from flexfmu.files.basics import DeckError, FlexfmuError, MeshError
 from flexfmu.files.progress import Reporter, tell_nobody
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.model import Material, Mesh
 from flexfmu.mesh.shells import expanded
 from flexfmu.model.rotations import exponential
-from flexfmu.reduction.interfaces import fit_interface
+from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.options import BodyOptions, InterfaceNodes
 from meshes import box

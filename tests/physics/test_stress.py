@@ -9,7 +9,7 @@ from bodies import random_body
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.build.tables import StressTable
-from flexfmu.fe.stress import point_stress
+from flexfmu.fe.gradients import point_stress
 from flexfmu.files.units import UnitSystem
 from flexfmu.fmu.description import Runtime
 from flexfmu.mesh.formats import read_mesh

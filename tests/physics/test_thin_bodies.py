@@ -9,9 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
-from flexfmu.fe.assembly import mass, stiffness
-from flexfmu.fe.stress import stress_jumps
-from flexfmu.fe.unknowns import unknowns
+from flexfmu.fe.assembly import mass, stiffness, unknowns
+from flexfmu.fe.gradients import stress_jumps
 from flexfmu.files.basics import AccuracyError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType

@@ -13,8 +13,8 @@ from flexfmu.files.progress import Reporter, tell_nobody
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.basis import Matrices
+from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.fourth_order import FourthOrder
-from flexfmu.reduction.interfaces import fit_interface
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.modes import normal_modes, with_residual_flexibility
 from flexfmu.reduction.third_order import third_order_loads

@@ -6,7 +6,7 @@ import pytest
 import flexfmu
 from flexfmu.build.choices import checked_spec
 from flexfmu.files.basics import BodyFileError, SimulationError
-from flexfmu.reduction.making import _damping
+from flexfmu.reduction.bodies import _damping
 
 
 def written(path, *columns):

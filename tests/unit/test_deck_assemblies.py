@@ -13,9 +13,9 @@ from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.elements import ElementType
-from flexfmu.reduction.interfaces import fit_interface
+from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.model import assemble_model
-from flexfmu.reduction.places import node_set
+from flexfmu.reduction.options import node_set
 
 
 def test_instances_are_moved_and_then_turned_about_their_axis(tmp_path):

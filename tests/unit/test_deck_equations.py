@@ -5,10 +5,10 @@ import pytest
 import scipy.sparse as sp
 
 from decks import BODY, NODES, STEEL, read, refuse
-from flexfmu.fe.unknowns import unknowns
+from flexfmu.fe.assembly import unknowns
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.equations import matrix_of, solved, without
-from flexfmu.mesh.nearest import nearest_faces, weighted
+from flexfmu.mesh.ties import nearest_faces, weighted
 
 # A second brick beside the first, 0.02 away and a third as high, whose lower face lies on that of the first.
 SECOND = """*NODE

@@ -11,8 +11,8 @@ import scipy.sparse as sp
 from benchmarks import large
 from scipy.sparse.linalg import splu
 
-from flexfmu.fe import factorisation, unknowns as fe_unknowns
-from flexfmu.fe.assembly import mass, stiffness, summed
+from flexfmu.fe import factorisation
+from flexfmu.fe.assembly import mass, stiffness, summed, unknowns
 from flexfmu.fe.factorisation import Factorisation, factor_entries
 from flexfmu.fe.gradients import mean_spin, own_spin
 from flexfmu.files.basics import ModelError
@@ -436,7 +436,7 @@ def test_a_solver_that_lacks_memory_says_so_and_not_that_the_body_is_free_to_mov
 def test_stiffness_and_mass_take_twelve_bytes_a_number():
     mesh = box(ElementType.C3D10, (3, 2, 2), (1.0, 0.3, 0.3))
     held = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
-    matrices = eliminated(stiffness(mesh), mass(mesh), fe_unknowns.unknowns(held, None))
+    matrices = eliminated(stiffness(mesh), mass(mesh), unknowns(held, None))
     for one in (matrices.stiffness, matrices.mass, factorisation.upper_triangle(matrices.stiffness)):
         assert one.indices.dtype == one.indptr.dtype == np.int32
     # Those of all displacements are not kept.

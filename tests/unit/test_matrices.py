@@ -6,7 +6,7 @@ import scipy.io
 import scipy.sparse as sp
 
 import flexfmu
-from flexfmu.given.matrices import MatrixError
+from flexfmu.given.linear import MatrixError
 
 E, SIDE, LENGTH, DENSITY = 2.1e11, 0.02, 1.0, 7850.0
 EA, EI, GJ = E * SIDE**2, E * SIDE**4 / 12.0, E / 2.6 * 0.1406 * SIDE**4

@@ -7,8 +7,7 @@ import pytest
 import scipy.linalg
 import scipy.sparse as sp
 
-from flexfmu.fe.assembly import mass, stiffness
-from flexfmu.fe.unknowns import unknowns
+from flexfmu.fe.assembly import mass, stiffness, unknowns
 from flexfmu.files.basics import AccuracyError, BodyFileError, ModelError
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType

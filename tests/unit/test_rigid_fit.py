@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from flexfmu.fe.faces import area_matrix, select
+from flexfmu.fe.assembly import area_matrix, select
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.rigid_fit import Weighted, by_node, modal_fit, rigid_fit
 from meshes import EVERY_TYPE, arc, box, grid, lattice, with_sets

@@ -6,8 +6,8 @@ from typer.testing import CliRunner
 
 import flexfmu
 from flexfmu.commands.cli import app
+from flexfmu.given.linear import SidError, mass_integrals
 from flexfmu.given.modes import checked_modes
-from flexfmu.given.sid import SidError, mass_integrals
 from given_bars import LENGTH, SIDE
 
 DENSITY = 7850.0

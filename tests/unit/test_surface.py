@@ -6,8 +6,7 @@ import pytest
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.body.recovery import surface_von_mises
 from flexfmu.build.reduce import reduce_body
-from flexfmu.fe.gradients import quadratic_strain
-from flexfmu.fe.stress import nodal_stress
+from flexfmu.fe.gradients import nodal_stress, quadratic_strain
 from flexfmu.files.basics import OptionError
 from flexfmu.files.progress import Reporter
 from flexfmu.mesh.elements import ElementType

@@ -7,9 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from flexfmu.api import Body, Interface
-from flexfmu.build.body_model import body_model
 from flexfmu.build.config import read_body_file
-from flexfmu.build.reduce import build_fmu, distant_points, reduce_body
+from flexfmu.build.reduce import body_model, build_fmu, distant_points, reduce_body
 from flexfmu.commands.cli import app
 from flexfmu.files.basics import BodyFileError
 from flexfmu.files.progress import Reporter
@@ -17,7 +16,7 @@ from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.checks import implausible
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
-from flexfmu.reduction.places import node_set
+from flexfmu.reduction.options import node_set
 from meshes import box, write_deck
 
 SIZE = (0.254, 0.0127, 0.0254)

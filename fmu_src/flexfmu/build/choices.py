@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..files.basics import BodyFileError, FloatArray, IntArray
-from ..files.plain_data import fields_of
+from ..files.outputs import fields_of
 from ..files.toml_files import validated
 from ..files.units import UnitSystem
 from ..mesh.model import Mesh

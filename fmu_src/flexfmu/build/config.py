@@ -13,7 +13,6 @@ from ..files.inputs import Kind
 from ..files.toml_files import Name, Table, different, read_toml, validated
 from ..model.methods import ASKED_BY, Data, Mass, Method, Variant, conflict, has_frames, needs
 from ..reduction import options as plain
-from ..reduction.options import Place
 from . import tables
 from .tables import OF_MESH, PlaceTable
 
@@ -369,7 +368,7 @@ def plain_tables(kind: type[Any], given: Sequence[Table], length: float = 1.0) -
 
 def _plain(value: Any, length: float, unit: float) -> Any:
     if isinstance(value, PlaceTable):
-        return plain_tables(Place, [value], length)[0]
+        return plain_tables(plain.Place, [value], length)[0]
     if isinstance(value, list):
         return tuple(_plain(one, length, unit) for one in value)
     return value * unit if isinstance(value, float) else value

@@ -3,21 +3,21 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..body.reference_loads import keeps_its_mass, lumps_are_fine
 from ..files.basics import FloatArray, __version__, plural
+from ..files.outputs import check_target, whole_file
 from ..files.progress import Reporter
 from ..files.store import Store
-from ..files.targets import check_target, whole_file
 from ..files.threads import in_one_thread
 from ..files.units import UnitSystem
 from ..fmu.package import cores_for, package_fmu
 from ..fmu.runtime import Runtime
-from ..mesh.checks import implausible
+from ..mesh.checks import checked, implausible
 from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
 from ..model.methods import Data, Mass, Variant
@@ -26,16 +26,79 @@ from ..model.reduced_body import Properties, ReducedBody, Surface
 from ..model.summary import NORMAL_MODES, first_frequency, missed_words, summary
 from ..model.variants import chosen
 from ..program.mass_polynomial import mass_polynomial
-from ..reduction.cut.loop_choice import chosen_cuts
-from ..reduction.cut.parts import reduced_parts, reduced_whole
-from ..reduction.making import used_body
+from ..reduction.bodies import used_body
+from ..reduction.cut.parts import chosen_cuts, reduced_parts, reduced_whole
 from ..reduction.masses import body_properties
-from ..reduction.model import Model
-from ..reduction.options import BodyOptions
-from ..reduction.places import node_set, support_places
+from ..reduction.model import Model, assemble_model, needless
+from ..reduction.options import BodyOptions, by_name, element_set, node_set, support_places
 from ..reduction.rigid_nodes import stretch_free
-from .body_model import body_model
 from .config import BodyFile, BodySpec, read_body_file
+
+
+@dataclass(frozen=True, slots=True)
+class BodyModel:
+    """A finite element model, and what to make of it.
+
+    Attributes
+    ----------
+    options : BodyOptions
+        With places turned into node sets of the mesh.
+    model : Model
+    unused_material : bool
+        Whether `[material]` is for nothing.
+    """
+
+    options: BodyOptions
+    model: Model
+    unused_material: bool
+
+
+def read_body_model(config: BodyFile, report: Reporter) -> BodyModel:
+    """Read the mesh of a body file; see `body_model`."""
+    with report.stage(f"Read {config.mesh.file.name}"):
+        mesh = read_mesh(config.mesh.file, config.mesh.units, config.shells, config.mesh.timeout)
+    return body_model(mesh, config)
+
+
+def body_model(mesh: Mesh, config: BodySpec) -> BodyModel:
+    """Give a mesh the materials and supports of a body file, and find every set that will be asked for.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    config : BodySpec
+
+    Returns
+    -------
+    BodyModel
+
+    Raises
+    ------
+    FlexfmuError
+        Anything that the body file or the mesh does not provide, with what to do.
+    """
+    mesh, options = by_name(checked(mesh), config.options)
+    unused = needless(mesh, options)
+    model = assemble_model(mesh, options)
+    _check_sets(options, model.mesh)
+    return BodyModel(options, model, unused)
+
+
+def _check_sets(options: BodyOptions, mesh: Mesh) -> None:
+    """Find every set that will be asked for before the expensive work begins."""
+    for cut in options.cuts:
+        node_set(mesh, cut, "[[cut]] nodes")
+    for interface in options.interfaces:
+        node_set(mesh, interface.nodes, f"interface {interface.name!r}, nodes")
+    for stress in options.stress:
+        element_set(mesh, stress.elements, f"stress {stress.name!r}, elements")
+    for frame in options.frames:
+        node_set(mesh, frame.nodes, f"frame {frame.name!r}, nodes")
+        if isinstance(frame.joint, str):
+            node_set(mesh, frame.joint, f"frame {frame.name!r}, joint")
+        for name in frame.rotation_points:
+            node_set(mesh, name, f"frame {frame.name!r}, rotation_points")
+
 
 # Modal damping ratio of the first mode above which percent were likely given: rubber has 0.1, a shaken pillow 0.3.
 _HEAVY_DAMPING = 0.3

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from ..fe.faces import select
+from ..fe.assembly import select
 from ..files.basics import DeckError, FloatArray, IntArray, MeshError
 from ..files.toml_files import toml_value
 from ..files.units import UnitSystem
@@ -18,8 +18,7 @@ from ..mesh.checks import connected_parts, is_likely, linked_pieces, nodes_of_el
 from ..mesh.formats import read_mesh
 from ..mesh.model import NO_MATERIAL, Mesh
 from ..reduction.model import KEYS, missing
-from ..reduction.options import Nodes, Place
-from ..reduction.places import node_set
+from ..reduction.options import Nodes, Place, node_set
 from ..reduction.subdomains import elements_within
 from ..reduction.surface import face_edges, face_normals, surface_nodes
 from .config import C_KEYWORDS, BodyFile

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files.basics import IntArray, OutputError
-from ..files.plain_data import picture_html, records_frame, table_frame
+from ..files.outputs import PICTURE_SUFFIXES, check_target, picture_html, records_frame, table_frame
 from ..files.progress import Reporter, ScriptReporter
 from ..files.store import Store, default_folder
-from ..files.targets import PICTURE_SUFFIXES, check_target
 from ..files.units import unit_system
 
 if TYPE_CHECKING:
@@ -102,8 +101,8 @@ def check(file: Name, units: str = "m-kg-s") -> Checked:
     >>> flexfmu.check("body.toml").chosen["interface tip"].size  # doctest: +SKIP
     33
     """
-    from ..build.body_model import body_model
     from ..build.config import read_body_file
+    from ..build.reduce import body_model
     from ..build.suggest import chosen_nodes, mass_lines, mesh_lines
     from ..mesh.checks import checked
     from ..mesh.formats import read_mesh

@@ -10,22 +10,20 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import Loads, load_names
 from ..body.replay import body_with, replay
-from ..build.body_model import read_body_model
 from ..build.config import read_body_file
-from ..build.reduce import reduce_body
+from ..build.reduce import read_body_model, reduce_body
 from ..files.basics import FlexfmuError, FloatArray, IntArray, nearest
 from ..files.inputs import Kind, check_input, kind_of
+from ..files.outputs import check_target
 from ..files.progress import Reporter
-from ..files.quantities import number, unit_of
 from ..files.store import Store, default_folder
-from ..files.tables import read_table
-from ..files.targets import check_target
+from ..files.tables import quantity, read_table, unit_of
 from ..fmu.reading import read_packaged_body
 from ..model.reduced_body import ReducedBody
 from ..view import motions
-from ..view.live import live_view
 from ..view.mesh import mesh_view, model_view
 from ..view.model import Case, View
+from ..view.motions import live_view
 from ..view.shown import PAGE, SUFFIXES, Shown
 
 # Most shapes of a motion, and relative difference of motions that are the same.
@@ -239,7 +237,7 @@ def loads_of(body: FlexibleBody, texts: Sequence[str]) -> tuple[Loads, str]:
             known = load_names(body.model)
             raise FlexfmuError(f"--load {text}: expected NAME=VALUE, such as {known[min(1, len(known) - 1)]}=5kN")
         names.append(name)
-        row.append(number(value, name))
+        row.append(quantity(value, name))
     packed = packed_rows(body.model, names, np.array([[0.0, *row]]))[0]
     words = [re.sub(r"\s*=\s*([-+.\de]*\d)\s*", r" = \1 ", text).strip() for text in texts]
     words = [f"{word} {unit_of(name)}" if word[-1].isdigit() else word for word, name in zip(words, names, strict=True)]

@@ -1,19 +1,23 @@
-"""The `flexfmu` command: its options, and the modules of this folder that are its commands."""
+"""The `flexfmu` command: its options, and its commands."""
 
 import sys
-from importlib import import_module
 from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from .common import LOUDNESS, Loudness, ends_in_words
+from . import jobs
 
 COMMANDS = ("build", "pack", "info", "check", "init", "simulate", "view", "couple", "chart", "fit", "damping")
-"""In the order of the help: each is a function in the module of its name, which imports what it needs when it runs."""
+"""In the order of the help; functions of `jobs`."""
 
-_FLAGS = {"-q": Loudness.QUIET, "--quiet": Loudness.QUIET, "-v": Loudness.VERBOSE, "--verbose": Loudness.VERBOSE}
+_FLAGS = {
+    "-q": jobs.Loudness.QUIET,
+    "--quiet": jobs.Loudness.QUIET,
+    "-v": jobs.Loudness.VERBOSE,
+    "--verbose": jobs.Loudness.VERBOSE,
+}
 
 
 class _Commands(TyperGroup):
@@ -21,7 +25,7 @@ class _Commands(TyperGroup):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         found = [_FLAGS[word] for word in args if word in _FLAGS]
-        LOUDNESS.set(found[-1] if found else Loudness.USUAL)
+        jobs.LOUDNESS.set(found[-1] if found else jobs.Loudness.USUAL)
         return super().parse_args(ctx, [word for word in args if word not in _FLAGS])
 
 
@@ -34,7 +38,7 @@ app = typer.Typer(
     "bends far.",
 )
 for _name in COMMANDS:
-    app.command()(ends_in_words(getattr(import_module(f".{_name}", "flexfmu.commands"), _name)))
+    app.command()(jobs.ends_in_words(getattr(jobs, _name)))
 
 
 def _version(asked: bool) -> None:

@@ -1,10 +1,197 @@
-"""What an FMU offers a master, as core/interface.def lists it: names, units, start values, words and messages."""
+"""The program as bytes, as core/fields.def lists its sizes and arrays, and what an FMU offers a master.
 
+The bytes have a head and a checksum. What is offered, core/interface.def lists: names, units, start values, words and
+messages.
+"""
+
+import math
 import re
-from collections.abc import Callable
+import struct
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..files.basics import FlexfmuError, FloatArray
+
+FIELDS = Path(__file__).parents[1] / "core" / "fields.def"
+DESCRIPTION = "body.prog"
+"""An FMU's program of the method that it starts with; it describes the variables, too."""
+VERSION = 3
+_MARK = b"flexprog"
+_WORD = 8
+_HEAD = struct.Struct("<8sqQqQQ")
+_ALIGNMENT = 32
+# Bytes from which on it is worth taking an array from another image, and matrices and rows that are packed together.
+_WORTH, _TOGETHER = 4096, 4
+_FIELD = re.compile(r"^(SIZE|REAL|INTEGER|TEXT)\((\w+)(?:, ([^)]*))?\)", re.MULTILINE)
+_DTYPE: dict[str, np.dtype[Any]] = {"REAL": np.dtype("<f8"), "INTEGER": np.dtype("<i8"), "TEXT": np.dtype("u1")}
+
+
+class ProgramError(FlexfmuError):
+    """Arrays that do not make a program, or a program that is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A line of fields.def.
+
+    Attributes
+    ----------
+    kind : str
+        "SIZE", "REAL", "INTEGER" or "TEXT".
+    name : str
+    count : str
+        Number of elements, from sizes.
+    """
+
+    kind: str
+    name: str
+    count: str
+
+
+@cache
+def fields() -> tuple[Field, ...]:
+    """The table of fields, in the order of the image."""
+    return tuple(Field(*found) for found in _FIELD.findall(FIELDS.read_text("utf-8")))
+
+
+def checksum(data: bytes) -> int:
+    """Sum of the data's 64-bit words, each mixed with its place; `checksum` of core/program.c."""
+    words = np.frombuffer(data + b"\0" * (-len(data) % _WORD), dtype="<u8")
+    with np.errstate(over="ignore"):
+        z = words + np.arange(1, words.size + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        return int(np.sum(z ^ (z >> np.uint64(31)), dtype=np.uint64))
+
+
+def _table() -> bytes:
+    """What the core makes of the same table."""
+    lines = (f"{f.kind} {f.name}{f' {f.count}' if f.count else ''}\n" for f in fields())
+    return "".join(lines).encode()
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """What an image holds.
+
+    Attributes
+    ----------
+    sizes : dict of str to int
+    arrays : dict of str to array
+        Flat.
+    """
+
+    sizes: dict[str, int]
+    arrays: dict[str, NDArray[np.generic]]
+
+
+def read_image(image: bytes, base: bytes = b"") -> Image:
+    """Sizes and arrays of an image that the core has accepted, `base` being the one that it takes arrays from."""
+    sizes: dict[str, int] = {}
+    arrays: dict[str, NDArray[np.generic]] = {}
+    words = np.frombuffer(image, "<i8", len(fields()), _HEAD.size).tolist()
+    for field, word in zip(fields(), words, strict=True):
+        if field.kind == "SIZE":
+            sizes[field.name] = word
+        else:
+            count = _count(field.count, sizes)
+            place = _WORD * word if count else 0
+            arrays[field.name] = np.frombuffer(base if place < 0 else image, _DTYPE[field.kind], count, abs(place))
+    return Image(sizes, arrays)
+
+
+def guid_of(image: bytes) -> str:
+    """Guid of the model description that a program belongs to; "" for what is no program of this version."""
+    if not image.startswith(struct.pack("<8sqQ", _MARK, VERSION, checksum(_table()))):
+        return ""
+    try:
+        return bytes(read_image(image).arrays["guid"]).rstrip(b"\0").decode(errors="replace")
+    except (KeyError, ValueError, struct.error):
+        return ""
+
+
+def packed(matrices: FloatArray) -> FloatArray:
+    """Symmetric (n, r, r) as the core has them, flat: `packed_times` of core/vectors.c."""
+    count, r = matrices.shape[:2]
+    if not matrices.size:
+        return np.zeros(0)
+    whole = np.zeros((-(-count // _TOGETHER), _TOGETHER, r, r))
+    whole.reshape(-1, r, r)[:count] = 0.5 * matrices + 0.5 * matrices.swapaxes(1, 2)
+    rows = [slice(a, a + _TOGETHER) for a in range(0, r - r % _TOGETHER, _TOGETHER)]
+    rows += [slice(a, a + 1) for a in range(r - r % _TOGETHER, r)]
+    parts = [np.moveaxis(whole[:, :, own, own.start :], (1, 2, 3), (3, 2, 1)).reshape(len(whole), -1) for own in rows]
+    return np.concatenate(parts, axis=1).ravel()
+
+
+def aligned(data: bytes) -> bytes:
+    """Bytes with zeros behind them: what follows is as vectors like it."""
+    return data + b"\0" * (-len(data) % _ALIGNMENT)
+
+
+def shared(several: Iterable[Mapping[str, Any]], base: bytes) -> FloatArray:
+    """Large arrays that several programs hold and an image does not, for that to hold them, too."""
+    large = [aligned(a.tobytes()) for arrays in several for a in arrays.values() if getattr(a, "nbytes", 0) >= _WORTH]
+    return np.frombuffer(b"".join(data for data, count in Counter(large).items() if count > 1 and data not in base))
+
+
+def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[Any] | bytes], base: bytes = b"") -> bytes:
+    """Image of a program.
+
+    Parameters
+    ----------
+    sizes : mapping of str to int
+        Those left out are zero.
+    arrays : mapping of str to array or bytes
+        Those left out are empty; shapes do not matter, their sizes must be those of the table.
+    base : bytes
+        An image that large arrays are taken from where it holds them.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    ProgramError
+        Naming the first array or size that the table does not know, or whose size is another.
+    """
+    if unknown := {*sizes, *arrays} - {field.name for field in fields()}:
+        raise ProgramError(f"{min(unknown)!r} is no field of a program")
+    every = {field.name: int(sizes.get(field.name, 0)) for field in fields() if field.kind == "SIZE"}
+    words: list[int] = []
+    start = len(aligned(bytes(_HEAD.size + _WORD * len(fields()))))
+    parts = bytearray()
+    for field in fields():
+        if field.kind == "SIZE":
+            words.append(every[field.name])
+            continue
+        given = arrays.get(field.name, b"")
+        values = np.frombuffer(given, np.uint8) if isinstance(given, bytes) else np.ascontiguousarray(given)
+        expected = _count(field.count, every)
+        if values.size != expected:
+            raise ProgramError(f"{field.name} has {values.size} elements, expected {field.count} = {expected}")
+        data = aligned(values.astype(_DTYPE[field.kind]).tobytes())
+        place = base.find(data) if len(data) >= _WORTH else -1
+        held = place >= 0 and place % _ALIGNMENT == 0
+        words.append((-place if held else start + len(parts)) // _WORD)
+        parts += b"" if held else data
+    body = struct.pack(f"<{len(words)}q", *words).ljust(start - _HEAD.size, b"\0") + parts
+    mark = _HEAD.unpack_from(base)[-1] if base else 0
+    return _HEAD.pack(_MARK, VERSION, checksum(_table()), _HEAD.size + len(body), mark, checksum(body)) + body
+
+
+def _count(expression: str, sizes: Mapping[str, int]) -> int:
+    """Value of sums of products of sizes and numbers."""
+    terms = (term.split("*") for term in expression.split("+"))
+    return sum(math.prod(int(f) if f.strip().isdigit() else sizes[f.strip()] for f in term) for term in terms)
+
 
 TABLE = Path(__file__).with_name("interface.def")
 _TYPES = {"REAL": "Real", "INTEGER": "Integer"}

@@ -11,8 +11,7 @@ import numpy as np
 
 from ..files.basics import FloatArray, IntArray, OptionError
 from .building import PLATFORMS, source_hash, sources, this_platform
-from .image import read_image
-from .interface import parameter, symbols
+from .interface import parameter, read_image, symbols
 
 SHIPPED = Path(__file__).parent / "binaries"
 """Where a wheel has the cores of all platforms."""

@@ -1,16 +1,201 @@
-"""Stiffness and mass of the mesh: of solids, shells, and the simplices that keep rigid nodes in shape."""
+"""Stiffness and mass of the mesh: of solids, shells, and the simplices that keep rigid nodes in shape; faces; unknowns.
+
+Unknowns are displacements that neither supports nor equations determine: all displacements are u = T z. T has a row of
+the unit matrix for each unknown, zeros for what supports hold, and the solved equations for the rest. So stiffness and
+mass become TᵀKT and TᵀMT, and nodal forces Tᵀf.
+
+Of shells (and beams) the unknowns are mean and difference of faces, u = Q v with QᵀQ = 1: of displacements of the faces
+themselves, stretch of a thin shell's thickness leaves nothing but round-off for its bending. So v = QᵀT z.
+"""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.basics import FloatArray, IntArray
-from ..mesh.elements import jacobians
-from ..mesh.equations import Simplices
+from ..files.basics import BoolArray, FloatArray, IntArray
+from ..mesh.elements import FaceBlock, jacobians
+from ..mesh.equations import Simplices, solved
 from ..mesh.model import Mesh
-from .cells import Cells, cells, turning
+from ..mesh.shapes import FACE_RULES, FACE_SHAPES
+from .layers import Cells, cells, turning
 from .shells import shell_cells, shell_rule
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Which displacements are unknown, and how all others follow from them.
+
+    Attributes
+    ----------
+    free : (k,) int
+        Places of the unknowns among all 3n displacements, ascending.
+    size : int
+        3n.
+    transform : (3n, k) sparse, optional
+        T, where there are equations or shells.
+    inner : (3n, k) sparse, optional
+        QᵀT, likewise.
+    means : (3n, 3n) sparse, optional
+        Q, where there are shells.
+    """
+
+    free: IntArray
+    size: int
+    transform: sp.csr_array | None = None
+    inner: sp.csr_array | None = None
+    means: sp.csr_array | None = None
+
+    @cached_property
+    def transposed(self) -> sp.csr_array | None:
+        """Tᵀ (k, 3n), where there are equations or shells."""
+        return None if self.transform is None else sp.csr_array(self.transform.T)
+
+    @property
+    def of_means(self) -> "Unknowns":
+        """The same unknowns, of which means and differences follow instead of displacements."""
+        return Unknowns(self.free, self.size, self.inner, self.inner)
+
+    def matrix(self, whole: sp.csr_array) -> sp.csr_array:
+        """Matrix (k, k) of the unknowns of one (3n, 3n) in means and differences."""
+        if self.inner is None:
+            return sp.csr_array(whole[self.free][:, self.free])
+        return sp.csr_array(self.inner.T @ whole @ self.inner)
+
+    def in_means(self, whole: sp.csr_array) -> sp.csr_array:
+        """QᵀAQ of a matrix (3n, 3n) of displacements."""
+        return whole if self.means is None else sp.csr_array(self.means.T @ whole @ self.means)
+
+    def nodal(self, whole: sp.csr_array, displacements: FloatArray) -> FloatArray:
+        """Product (3n, …) of a matrix (3n, 3n) in means and differences with displacements (3n, …)."""
+        return whole @ displacements if self.means is None else self.means @ (whole @ (self.means.T @ displacements))
+
+    def of(self, displacements: FloatArray) -> FloatArray:
+        """Unknowns (k, …) of displacements (3n, …)."""
+        return displacements[self.free] if self.means is None else (self.means.T @ displacements)[self.free]
+
+    def forces(self, nodal: FloatArray) -> FloatArray:
+        """Forces (k, …) on the unknowns of nodal forces (3n, …)."""
+        return nodal[self.free] if self.transposed is None else self.transposed @ nodal
+
+    def whole(self, vectors: FloatArray) -> FloatArray:
+        """Displacements (3n, …) of unknowns (k, …)."""
+        if self.transform is not None:
+            return self.transform @ vectors
+        result = np.zeros((self.size, *vectors.shape[1:]))
+        result[self.free] = vectors
+        return result
+
+
+def unknowns(
+    fixed: BoolArray, equations: sp.csr_array | None, mixed: tuple[IntArray, FloatArray] | None = None
+) -> Unknowns:
+    """The unknowns of a model.
+
+    Parameters
+    ----------
+    fixed : (n, 3) bool
+        Translations held at zero.
+    equations : (r, 3n) sparse or None
+    mixed : tuple of (n, 4) int and (n, 4) float, optional
+        `Mesh.mixed`.
+
+    Returns
+    -------
+    Unknowns
+    """
+    held, means = fixed.ravel(), None
+    if mixed is not None and np.any(mixed[1][:, 1:]):
+        node, share = mixed
+        start = np.arange(0, node.size + 1, node.shape[1])
+        whole = sp.csr_array((share.flatten(), node.flatten(), start), shape=(len(fixed), len(fixed)))
+        whole.eliminate_zeros()
+        means = sp.csr_array(sp.kron(whole, sp.eye_array(3), format="csr"))
+        # Where one point of several alone is held, neither the mean nor the difference is.
+        both = fixed[node].all(axis=1)
+        alone = sp.eye_array(held.size, format="csr")[np.flatnonzero((fixed & ~both).ravel())]
+        rows = alone if equations is None else sp.vstack([equations, alone])
+        equations, held = sp.csr_array(rows @ means), both.ravel()
+    if equations is None:
+        return Unknowns(np.flatnonzero(~held), held.size)
+    # What is held drops out of the equations.
+    dependent, matrix = solved(sp.csr_array(equations @ sp.diags_array((~held).astype(float))))
+    known = held.copy()
+    known[dependent] = True
+    free = np.flatnonzero(~known)
+    itself = np.zeros(held.size)
+    itself[free] = 1.0
+    spread = sp.csr_array(
+        (np.ones(dependent.size), (dependent, np.arange(dependent.size))), (held.size, dependent.size)
+    )
+    inner = sp.csr_array((sp.diags_array(itself) + spread @ matrix).tocsc()[:, free])
+    transform = inner if means is None else sp.csr_array(means @ inner)
+    return Unknowns(free, held.size, transform, inner, means)
+
+
+def select(faces: tuple[FaceBlock, ...], nodes: IntArray, *, outer: bool) -> tuple[IntArray, ...]:
+    """Faces all of whose nodes are in a set.
+
+    Parameters
+    ----------
+    faces : tuple of FaceBlock
+    nodes : (k,) int
+    outer : bool
+        Only faces on the body's surface.
+
+    Returns
+    -------
+    tuple of (n_faces, node_count) int
+        Each face once.
+    """
+    result = []
+    for block in faces:
+        member = np.zeros(max(int(block.nodes.max()), int(nodes.max())) + 1, dtype=bool)
+        member[nodes] = True
+        chosen = np.all(member[block.nodes], axis=1)
+        if outer:
+            chosen &= block.outer
+        picked = block.nodes[chosen]
+        _, once = np.unique(np.sort(picked, axis=1), axis=0, return_index=True)
+        result.append(picked[np.sort(once)])
+    return tuple(result)
+
+
+def area_matrix(points: FloatArray, faces: tuple[IntArray, ...], nodes: IntArray) -> sp.csr_array | None:
+    """∫ N_a N_b dA over faces, as a matrix over the nodes of a set.
+
+    A least-squares fit with this weight is one over the area itself, not over however many nodes it has: a force that
+    is spread by its transpose is a uniform traction.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+    faces : tuple of (n_faces, node_count) int
+    nodes : (k,) int
+        The set, ascending.
+
+    Returns
+    -------
+    (k, k) sparse or None
+        m²; None where the faces do not cover every node of the set.
+    """
+    covered = np.unique(np.concatenate([block.ravel() for block in faces])) if faces else np.zeros(0)
+    if not np.array_equal(covered, nodes):
+        return None
+    total = sp.csr_array((nodes.size, nodes.size))
+    for block in faces:
+        if not len(block):
+            continue
+        shape, rule = FACE_SHAPES[block.shape[1]], FACE_RULES[block.shape[1]]
+        value = shape.value(rule.points)
+        tangents = np.einsum("fai,qaj->qfij", points[block], shape.gradient(rule.points))
+        area = np.linalg.norm(np.cross(tangents[..., 0], tangents[..., 1]), axis=-1)
+        matrices = np.einsum("qa,qb,q,qf->fab", value, value, rule.weights, area, optimize=True)
+        total = total + scatter(np.searchsorted(nodes, block), matrices, nodes.size)
+    return total
+
 
 # m³; of what has energy and shall count in no mean over a volume.
 _NO_VOLUME = 1e-30
@@ -26,7 +211,7 @@ def elastic_cells(mesh: Mesh, elements: int, strains: int = 0, means: bool = Fal
     elements, strains : int
         How many at a time at most, of strains unless that is less than one element has.
     means : bool
-        Whether the fields of shells are in means and differences of both faces (`fe.unknowns`), not displacements.
+        Whether the fields of shells are in means and differences of both faces (`fe.assembly`), not displacements.
 
     Yields
     ------
@@ -74,7 +259,7 @@ def stiffness(mesh: Mesh) -> sp.csr_array:
     Returns
     -------
     (3n, 3n) sparse
-        N/m; degree of freedom 3 i + j is node i in direction j; of shells in means and differences (`fe.unknowns`).
+        N/m; degree of freedom 3 i + j is node i in direction j; of shells in means and differences (`fe.assembly`).
     """
     size = 3 * len(mesh.points)
     total = summed(

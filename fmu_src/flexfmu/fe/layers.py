@@ -1,7 +1,12 @@
-"""What shells are made of across their thickness: layers, each in plane stress, and the shear of all of them.
+"""What elements are at their integration points: gradients of shape functions, volume, elasticity, layers of shells.
 
-Shear of a laminate is that of the stress which equilibrium needs beside bending about either axis (R. Rolfes,
-K. Rohwer, Int. J. Numer. Meth. Engng. 40 (1997) 51): 5/6 of the modulus where there is one layer.
+C3D8I adds to its shape functions three of its own, 1 − ξ_b², whose gradients are taken with the Jacobian of the
+element's centre, scaled by its determinant's ratio, so that a constant strain stays one (R. L. Taylor, P. J. Beresford,
+E. L. Wilson, Int. J. Numer. Meth. Engng. 10 (1976) 1211). Their amplitudes are eliminated element by element.
+
+Layers of shells are each in plane stress. Shear of a laminate is that of the stress which equilibrium needs beside
+bending about either axis (R. Rolfes, K. Rohwer, Int. J. Numer. Meth. Engng. 40 (1997) 51): 5/6 of the modulus where
+there is one layer.
 """
 
 from collections.abc import Iterator
@@ -11,10 +16,252 @@ from functools import cache
 import numpy as np
 
 from ..files.basics import FloatArray, IntArray
-from ..mesh.elements import ElementBlock
+from ..mesh.elements import ElementBlock, ElementType, jacobians
 from ..mesh.model import Layer, Material, Mesh
 from ..mesh.shapes import Quadrature
-from .cells import turning
+
+# Places of the components xx, yy, zz, xy, yz, zx.
+VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Some elements of one type, for their stiffness.
+
+    Attributes
+    ----------
+    nodes : (e, a) int
+        Rows of `Mesh.points`.
+    value : (q, a) float
+        Shape functions of the nodes.
+    gradient : (e, q, a + b, 3) float
+        ∂N/∂X, 1/m; after the nodes' the elements' own shape functions, none but with incompatible modes.
+    volume : (e, q) float
+        m³.
+    elasticity : (e, 6, 6) float
+        N/m², of strain xx, yy, zz and twice xy, yz, zx, in global axes.
+    """
+
+    nodes: IntArray
+    value: FloatArray
+    gradient: FloatArray
+    volume: FloatArray
+    elasticity: FloatArray
+
+    @property
+    def own(self) -> slice:
+        """Unknowns of the elements' own shape functions, after those of the nodes."""
+        return slice(3 * self.nodes.shape[1], None)
+
+    def eliminated(self, matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Eliminate the elements' own unknowns from matrices (e, 3(a + b), 3(a + b)).
+
+        Returns
+        -------
+        matrices : (e, 3a, 3a) float
+        own : (e, 3b, 3a) float
+            Own unknowns per nodal displacement.
+        """
+        last = self.own.start
+        coupling = matrices[:, last:, :last]
+        if not coupling.size:
+            return matrices[:, :last, :last], coupling
+        own: FloatArray = -np.linalg.solve(matrices[:, last:, last:], coupling).astype(np.float64)
+        return matrices[:, :last, :last] + coupling.swapaxes(1, 2) @ own, own
+
+    @property
+    def rows(self) -> IntArray:
+        """Both slopes (r, 2) of strains X_i·u_j + X_j·u_i, half of which they are where i is j."""
+        found: IntArray = np.array(VOIGT)[:, None] + 3 * np.arange(self.gradient.shape[1])[None, :, None]
+        return found.reshape(-1, 2)
+
+    @property
+    def shape_slopes(self) -> FloatArray:
+        """∂N/∂X_J (e, 3q, a + b)."""
+        return _rows(self.gradient)
+
+    def slopes(self, fields: FloatArray) -> FloatArray:
+        """∂u/∂X_J (e, 3q, 3, k) of displacements (n, 3, k), with what the elements' own shape functions add."""
+        return _product(self.shape_slopes, self.amplitudes(fields))
+
+    def displacement_gradient(self, fields: FloatArray) -> FloatArray:
+        """∂u_i/∂X_J (e, q, 3, 3, k) of displacements (n, 3, k), with what the elements' own shape functions add."""
+        found = _product(_rows(self.gradient), self.amplitudes(fields))
+        return found.reshape(len(found), -1, 3, *found.shape[2:]).swapaxes(2, 3)
+
+    def amplitudes(self, fields: FloatArray) -> FloatArray:
+        """Displacements (e, a + b, 3, k) of the nodes, and amplitudes of the own shape functions in equilibrium."""
+        local = fields[self.nodes]
+        if self.gradient.shape[2] == self.nodes.shape[1]:
+            return local
+        _, own = self.eliminated(self.stiffness())
+        amplitude = own @ local.reshape(len(local), -1, local.shape[3])
+        return np.concatenate([local, amplitude.reshape(len(local), -1, 3, local.shape[3])], axis=1)
+
+    def products(self, slopes: FloatArray, pairs: IntArray) -> FloatArray:
+        """Strains (e, r, p), shear twice, of second order of pairs (p, 2) of fields: ½ sym G_aᵀ G_b."""
+        i, j = self.rows.T
+        first, second = (np.unique(one, return_inverse=True) for one in pairs.T)
+        # Products of all that are in any pair: small matrices, several times as fast as pair by pair.
+        left = np.where(i == j, 0.25, 0.5)[:, None, None] * np.concatenate([slopes[:, i], slopes[:, j]], axis=2)
+        right = np.concatenate([slopes[:, j], slopes[:, i]], axis=2)
+        every = left[..., first[0]].swapaxes(2, 3) @ right[..., second[0]]
+        return every.reshape(*every.shape[:2], -1)[..., first[1] * len(second[0]) + second[1]]
+
+    def strains(self, fields: FloatArray) -> FloatArray:
+        """Strains (e, r, k), shear twice, of displacements (n, 3, k)."""
+        local = self.amplitudes(fields)
+        return self.operator() @ local.reshape(len(local), -1, local.shape[3])
+
+    def work(self, strains: FloatArray) -> FloatArray:
+        """What works on strains (e, r, k): stress times volume, of the same shape."""
+        stress = self.elasticity @ strains.reshape(len(strains), 6, -1)
+        weights = np.tile(self.volume, 6)[:, :, None]
+        return stress.reshape(len(stress), -1, strains.shape[2]) * weights
+
+    def nodal(self, work: FloatArray, slopes: FloatArray | None = None) -> FloatArray:
+        """Forces (e, a + b, 3, k) of what works on strains (e, r, k) where the places have slopes, as of `operator`."""
+        found = self.operator(slopes).swapaxes(1, 2) @ work
+        return found.reshape(len(found), -1, 3, work.shape[2])
+
+    def operator(self, slopes: FloatArray | None = None) -> FloatArray:
+        """B (e, r, 3(a + b)): Green-Lagrange strains, shear twice, per displacement.
+
+        Where the places have slopes (e, 3q, 3), by default those of the undeformed elements.
+        """
+        base, slope = (self.undeformed if slopes is None else slopes)[:, :, None], self.shape_slopes[..., None]
+        i, j = self.rows.T
+        b = slope[:, i] * base[:, j] + slope[:, j] * np.where(i == j, 0.0, 1.0)[:, None, None] * base[:, i]
+        return b.reshape(*b.shape[:2], -1)
+
+    @property
+    def undeformed(self) -> FloatArray:
+        """Slopes (1, 3q, 3) of the undeformed places."""
+        return np.tile(np.eye(3), (self.gradient.shape[1], 1))[None]
+
+    def geometric(self, work: FloatArray) -> FloatArray:
+        """Stiffness (e, a + b, a + b), in each direction, of what works on strains (e, r)."""
+        (i, j), slope = self.rows.T, self.shape_slopes
+        half = (slope[:, i] * (work * np.where(i == j, 0.5, 1.0))[..., None]).swapaxes(1, 2) @ slope[:, j]
+        return half + half.swapaxes(1, 2)
+
+    def turned(self, turn: FloatArray) -> FloatArray:
+        """Slopes (e, s, 3, k) that turns (e, q, 3, 3, k) give to the undeformed places."""
+        return turn.swapaxes(2, 3).reshape(len(turn), -1, 3, turn.shape[4])
+
+    def relaxed(self, nodal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Nodal forces of initial stresses with forces (e, a + b, 3, k) that the own shape functions have relaxed.
+
+        Returns
+        -------
+        forces : (e, a, 3, k) float
+            N.
+        energies : (k, k) float
+            What relaxing takes away of twice the strain energy, J.
+        """
+        outer, amplitude = nodal[:, : self.nodes.shape[1]], self._own_response(nodal)
+        if not amplitude.size:
+            return outer, np.zeros((nodal.shape[3], nodal.shape[3]))
+        inner = nodal[:, self.nodes.shape[1] :].reshape(amplitude.shape)
+        back = self.stiffness()[:, : self.own.start, self.own] @ amplitude
+        energies: FloatArray = np.einsum("eik,eil->kl", inner, amplitude, optimize=True)
+        return outer - back.reshape(outer.shape), energies
+
+    def relaxation(self, work: FloatArray) -> FloatArray:
+        """Strains (e, r, k) by which the elements' own shape functions relax what works on strains."""
+        return -self.operator()[:, :, self.own] @ self._own_response(self.nodal(work))
+
+    def _own_response(self, nodal: FloatArray) -> FloatArray:
+        """What forces (e, a + b, 3, k) do to the elements' own unknowns (e, 3b, k)."""
+        inner = nodal[:, self.nodes.shape[1] :].reshape(len(nodal), -1, nodal.shape[3])
+        if not inner.size:
+            return inner
+        return np.linalg.solve(self.stiffness()[:, self.own, self.own], inner).astype(np.float64)
+
+    def stiffness(self, slopes: FloatArray | None = None) -> FloatArray:
+        """∫ Bᵀ C B dV (e, 3(a + b), 3(a + b)), by default of the undeformed elements."""
+        b = self.operator(slopes)
+        return b.swapaxes(1, 2) @ self.work(b)
+
+
+def _rows(gradient: FloatArray) -> FloatArray:
+    """Gradients (e, q, a, 3) as slopes (e, 3q, a)."""
+    return gradient.swapaxes(2, 3).reshape(len(gradient), -1, gradient.shape[2])
+
+
+def _product(slopes: FloatArray, local: FloatArray) -> FloatArray:
+    """Slopes (e, s, 3, k) by those of shape functions (e or 1, s, a) from their amplitudes (e, a, 3, k)."""
+    found = slopes @ local.reshape(*local.shape[:2], -1)
+    return found.reshape(*found.shape[:2], *local.shape[2:])
+
+
+def cells(mesh: Mesh, block: ElementBlock, size: int) -> Iterator[tuple[slice, Cells]]:
+    """Yield a block's elements at their stiffness points, some at a time.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    block : ElementBlock
+        Every element with a material.
+    size : int
+        Elements at a time.
+
+    Yields
+    ------
+    places : slice
+        In the block.
+    cells : Cells
+    """
+    shape, rule = block.type.shape, block.type.stiffness
+    value, slope = shape.value(rule.points), shape.gradient(rule.points)
+    for first in range(0, len(block.labels), size):
+        places = slice(first, min(first + size, len(block.labels)))
+        nodes = block.connectivity[places]
+        corners = mesh.points[nodes]
+        inverse, determinant = jacobians(corners, slope)
+        gradient = slope @ inverse
+        if block.type.incompatible:
+            gradient = np.concatenate([gradient, _incompatible(corners, determinant, block.type)], axis=2)
+        chosen = block.part(np.arange(places.start, places.stop))
+        yield places, Cells(nodes, value, gradient, determinant * rule.weights, elasticity(mesh, chosen))
+
+
+def elasticity(mesh: Mesh, block: ElementBlock) -> FloatArray:
+    """Elasticity of each element in global axes.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    block : ElementBlock
+        Every element with a material.
+
+    Returns
+    -------
+    (n_elements, 6, 6) float
+        N/m²; from strain xx, yy, zz and twice xy, yz, zx to stress xx, yy, zz, xy, yz, zx.
+    """
+    found = np.array([material.elasticity for material in mesh.materials])[block.material]
+    if block.axes is None:
+        return found
+    turn = turning(block.axes)
+    return turn @ found @ turn.swapaxes(1, 2)
+
+
+def turning(axes: FloatArray) -> FloatArray:
+    """Stress xx, yy, zz, xy, yz, zx (e, 6, 6) of A S Aᵀ by that of S, for A (e, 3, 3).
+
+    The transpose of that of Aᵀ turns strain, shear twice.
+    """
+    i, j = np.array(VOIGT).T
+    both = axes[:, i[:, None], i] * axes[:, j[:, None], j] + axes[:, i[:, None], j] * axes[:, j[:, None], i]
+    return np.where(i == j, 0.5, 1.0) * both
+
+
+def _incompatible(corners: FloatArray, determinant: FloatArray, kind: ElementType) -> FloatArray:
+    """Gradients (e, q, 3, 3) of 1 − ξ_b² by the centre's Jacobian: −2 ξ_b (j₀/j) J₀⁻ᵀ e_b."""
+    inverse, size = jacobians(corners, kind.shape.gradient(np.zeros((1, 3))))
+    return -2.0 * np.einsum("qb,eq,ebJ->eqbJ", kind.stiffness.points, size / determinant, inverse[:, 0])
+
 
 # Strains in the plane, and shear across it, among xx, yy, zz, xy, yz, zx.
 _PLANE, _ACROSS = np.array([0, 1, 3]), np.array([5, 4])

@@ -16,10 +16,9 @@ from ..files.basics import AccuracyError, FloatArray, IntArray, ModelError
 from ..files.progress import Reporter
 from ..files.threads import in_one_thread
 from ..mesh.model import Mesh
-from .assembly import CHUNK, assembled, elastic_cells, summed
-from .cells import Cells
+from .assembly import CHUNK, Unknowns, assembled, elastic_cells, summed
 from .factorisation import Factorisation, dissection_order
-from .unknowns import Unknowns
+from .layers import Cells
 
 # |residual| / |load|: Newton's last iteration goes far below it.
 _TOLERANCE = 1e-8
@@ -63,7 +62,7 @@ Resisting = Callable[[FloatArray], tuple[FloatArray, sp.csr_array]]
 
 
 class _Body:
-    """Internal forces and their derivative at a displacement; of shells in means and differences (`fe.unknowns`)."""
+    """Internal forces and their derivative at a displacement; of shells in means and differences (`fe.assembly`)."""
 
     def __init__(self, mesh: Mesh, unknowns: Unknowns, spring: FloatArray, bushings: Resisting | None):
         self._spring = unknowns.in_means(sp.csr_array(sp.diags_array(spring.ravel())))

@@ -19,8 +19,7 @@ from ..mesh.elements import ElementBlock, ElementType, jacobians
 from ..mesh.model import SECTION_SHARES, Material, Mesh
 from ..mesh.shapes import Quadrature, brick_rule, wedge_rule
 from .beams import ROWS as BEAM_ROWS, beam_law
-from .cells import Cells, turning
-from .layers import Laminate, bent, laminates, stack
+from .layers import Cells, Laminate, bent, laminates, stack, turning
 
 # By how much shear of triangles that are wide against their thickness is softened (M. Lyly, R. Stenberg, T. Vihinen,
 # 1993).

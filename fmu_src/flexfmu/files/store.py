@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from .basics import FloatArray
+from .outputs import whole_file
 from .progress import Reporter
-from .targets import whole_file
 
 _PACKAGE = __name__.partition(".")[0]
 _CORE, _COMPILED = f"{_PACKAGE}.core.library", (".c", ".h", ".def")

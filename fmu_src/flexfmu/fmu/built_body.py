@@ -12,17 +12,14 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import load_names
 from ..files.basics import FloatArray, SimulationError
-from ..files.plain_data import picture_html, rows_html
+from ..files.outputs import check_target, picture_html, rows_html
 from ..files.progress import Reporter, ScriptReporter
-from ..files.quantities import unit_of
-from ..files.tables import write_table
-from ..files.targets import check_target
+from ..files.tables import unit_of, write_table
 from ..model.methods import Mass, Method
 from ..model.modal_file import write_modal_file
 from ..model.reduced_body import ReducedBody
 from ..model.summary import first_frequency, summary
-from ..view.live import live_view
-from ..view.motions import MODES, body_view, mode_cases, static_case
+from ..view.motions import MODES, body_view, live_view, mode_cases, static_case
 from ..view.shown import Shown
 from .package import package_fmu
 from .reading import read_packaged_body

@@ -6,7 +6,7 @@ import zipfile
 import zlib
 from pathlib import Path
 
-from ..core.image import DESCRIPTION as PROGRAM, guid_of
+from ..core.interface import DESCRIPTION as PROGRAM, guid_of
 from ..files.basics import ContentsError, ModalFileError, PackagingError
 from ..files.inputs import Kind, check_input
 from ..model.modal_file import read_modal_file

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ..files.basics import MOST_VALUES, FloatArray, SimulationError, StoppedError, keeping_partial, nearest, plural
 from ..files.inputs import Kind, check_input
+from ..files.outputs import check_target
 from ..files.progress import Reporter, ends_on_interrupt
 from ..files.tables import number, read_table, write_table
-from ..files.targets import check_target
 from ..program.variable_table import STEP_TOLERANCE
 from .runtime import own_log
 

@@ -29,17 +29,23 @@ from ..mesh.model import Material, Mesh
 from ..model.methods import Mass, Method, Variant, needs
 from ..model.reduced_body import GROUND, Masses, ReducedBody, Surface
 from ..model.summary import first_frequency
-from ..reduction.frames import body_subdomains, frame_requests, several, whole_frame
-from ..reduction.interfaces import InterfaceFit, fit_interface
-from ..reduction.making import made_body, motion_of_tree
+from ..reduction.bodies import (
+    InterfaceFit,
+    body_subdomains,
+    fit_interface,
+    frame_requests,
+    made_body,
+    motion_of_tree,
+    several,
+    whole_frame,
+)
 from ..reduction.model import Model
-from ..reduction.options import BodyOptions
-from ..reduction.places import node_set
+from ..reduction.options import BodyOptions, node_set
 from ..reduction.rigid_fit import by_node
 from ..reduction.subdomains import Subdomain, fitted_rotation, frame_operators, requested_subdomains
 from ..reduction.surface import body_surface
+from .linear import SUFFIX as SID, read_sid
 from .modes import GivenModes, checked_modes, read_given
-from .sid import SUFFIX as SID, read_sid
 
 
 def pack(

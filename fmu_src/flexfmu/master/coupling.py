@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..files.basics import MOST_VALUES, FloatArray, SimulationError, StoppedError, keeping_partial
-from ..files.plain_data import picture_html
+from ..files.outputs import check_target, picture_html, whole_file
 from ..files.progress import Reporter, Tell, ends_on_interrupt
 from ..files.tables import write_table
-from ..files.targets import check_target, whole_file
 from ..fmu.runtime import own_log
 from .config import CouplingFile, ExperimentTable, Scheme, read_coupling_file
 from .layout import Wiring

@@ -5,8 +5,8 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from ..files.basics import SimulationError, __version__
+from ..files.outputs import check_target, whole_file
 from ..files.progress import Reporter
-from ..files.targets import check_target, whole_file
 from .config import CouplingFile, Scheme, read_coupling_file
 from .layout import Description, read_description
 from .wiring import wire

@@ -26,9 +26,7 @@ from flexfmu.mesh.model import Mesh
 from flexfmu.mesh.nastran.bulk_data import read_nastran
 from flexfmu.mesh.nastran.node_cards import placed
 from flexfmu.mesh.other.ansys import read_ansys
-from flexfmu.mesh.other.exodus import read_exodus
-from flexfmu.mesh.other.extras import quiet
-from flexfmu.mesh.other.universal import read_universal
+from flexfmu.mesh.other.exchange import quiet, read_exodus, read_universal
 
 _KINDS = {"H27": "hexahedron27", "QU9": "quad9", "TR7": "triangle7"}
 

@@ -15,7 +15,7 @@ from .elements import ElementBlock, ElementType
 from .equations import MIDDLE, RigidLink, matrix_of, middles
 from .model import NO_MATERIAL, Mesh, hung
 from .shapes import FACE_SHAPES
-from .shell_ties import EdgeTie, OfShell, ShellTie, tie_rows
+from .ties import EdgeTie, OfShell, ShellTie, tie_rows
 
 SHELLS = {
     "triangle": ElementType.S3,

@@ -17,11 +17,10 @@ import numpy as np
 
 from ..files.basics import FloatArray, OptionError
 from .arrays import ARRAYS, turned
-from .curvature import from_ground
 from .inertia import without_frames
 from .methods import FrameLayout, Method, has_frames, recipe_of
 from .reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, Surface, WholeFrame
-from .rotations import skew
+from .rotations import from_ground, skew
 
 # Relative size of a singular value below which a motion is not held.
 _FREE = 1e-9

@@ -7,8 +7,7 @@ import numpy as np
 
 from ..files.basics import FloatArray, IntArray, ModalFileError
 from .arrays import ARRAYS, in_single, settle
-from .inertia import LumpedMass, MassPolynomial
-from .membrane import Membrane
+from .inertia import LumpedMass, MassPolynomial, Membrane
 from .methods import DEFAULT, Mass, Method, masses_of
 
 # Steps per period of the lowest mode: smooth curves without waste.

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.image import fields, packed, write_image
+from ..core.interface import fields, packed, write_image
 from ..files.basics import FloatArray, IntArray, OptionError
 from ..model.inertia import LumpedMass
 from ..model.methods import Kinematics, LoadPlacement, Mass, Recipe, Stiffness

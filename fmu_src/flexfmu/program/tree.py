@@ -13,13 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.image import packed
+from ..core.interface import packed
 from ..files.basics import FloatArray, IntArray, OptionError
-from ..model.curvature import relative_curvature
 from ..model.inertia import LumpedMass
 from ..model.methods import Kinematics
 from ..model.reduced_body import GROUND, ReducedBody
-from ..model.rotations import skew
+from ..model.rotations import relative_curvature, skew
 
 # Share of the averaged rotation by which displacements turn where positions do not.
 _TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}

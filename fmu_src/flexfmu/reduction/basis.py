@@ -15,7 +15,7 @@ from ..files.store import Store, content_key
 from .model import Model
 from .modes import Modes, chosen_modes, craig_bampton, normal_modes, with_residual_flexibility
 from .options import Basis, BasisOptions
-from .point_masses import model_mass
+from .rigid_fit import model_mass
 from .supported import Supported, eliminated, supported
 
 MISSED = 5e-3

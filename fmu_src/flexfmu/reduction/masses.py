@@ -10,7 +10,7 @@ from ..mesh.model import Mesh, PointMass
 from ..model.inertia import LumpedMass
 from ..model.reduced_body import GROUND, Masses, Properties
 from ..model.rotations import skew
-from .point_masses import attachment
+from .rigid_fit import attachment
 from .subdomains import FrameOperators, Subdomain, carrying_frame, element_owner, volume_weighted
 
 

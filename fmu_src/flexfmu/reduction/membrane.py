@@ -19,7 +19,7 @@ from ..fe.factorisation import GIGA, free_memory
 from ..fe.gradients import mean_spin
 from ..files.basics import FloatArray, IntArray, ModelError
 from ..files.store import content_key
-from ..model.membrane import Membrane
+from ..model.inertia import Membrane
 from .basis import Matrices
 from .fourth_order import FourthOrder, energy_shares, turning_scale
 from .modes import Modes

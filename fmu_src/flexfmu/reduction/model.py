@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.sparse as sp
 
-from ..fe.unknowns import Unknowns, unknowns
+from ..fe.assembly import Unknowns, unknowns
 from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray, ModelError, listed
 from ..files.toml_files import orthonormal
 from ..files.units import UnitSystem
@@ -17,8 +17,7 @@ from ..mesh.checks import connected_parts, linked_pieces, without_mechanisms
 from ..mesh.equations import simplex
 from ..mesh.model import NO_MATERIAL, Material, Mesh, SpringDamper
 from .bushings import Bushings, End
-from .options import BodyOptions, MaterialConstants, SupportNodes
-from .places import node_set
+from .options import BodyOptions, MaterialConstants, SupportNodes, node_set
 from .rigid_fit import rigid_motions
 from .rigid_nodes import with_rigid_nodes
 

@@ -1,15 +1,18 @@
-"""What to make of a mesh, as plain data: where it is held and loaded, its frames, its basis, and what is stored.
+"""What to make of a mesh, as plain data, and the nodes and elements that it names, by place, number or name.
 
 `build.config` makes it of a body file.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Literal
+from typing import Literal, TypeVar
 
-from ..files.basics import FloatArray
+import numpy as np
+
+from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray, listed
 from ..files.units import UnitSystem
+from ..mesh.model import Mesh
 from ..model.methods import DEFAULT, Data, Variant
 from ..model.reduced_body import Properties
 
@@ -251,3 +254,226 @@ class BodyUse:
     tolerance: float | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     properties: Properties | None = None
+
+
+def named_set(sets: Mapping[str, IntArray], kind: str, name: str, key: str) -> IntArray:
+    """Members of a set.
+
+    Parameters
+    ----------
+    sets : mapping of str to (k,) int
+    kind : str
+        "node" or "element".
+    name : str
+        Upper and lower case count as the same where that is unambiguous; so does a set of an instance without the
+        instance's name.
+    key : str
+        The key of the body file that asks, for the message.
+
+    Returns
+    -------
+    (k,) int
+
+    Raises
+    ------
+    BodyFileError
+        No such set, several, or an empty one.
+    """
+    match = [known for known in sets if known == name] or [k for k in sets if k.lower() == name.lower()]
+    match = match or [known for known in sets if known.lower().endswith(f".{name.lower()}")]
+    if len(match) != 1:
+        there = ", ".join(sorted(match or sets)) or "none"
+        if match:
+            raise BodyFileError(f"{key}: {name!r} may be one of several {kind} sets: {there}; give the whole name")
+        raise BodyFileError(f"{key}: the mesh has no {kind} set {name!r}; it has: {there}")
+    members = sets[match[0]]
+    if not members.size:
+        raise BodyFileError(f"{key}: {kind} set {name!r} is empty, expected at least one {kind}")
+    return members
+
+
+def element_set(mesh: Mesh, name: str, key: str) -> IntArray:
+    """Elements of a named set, counted over all blocks; see `named_set`."""
+    return named_set(mesh.element_sets, "element", name, key)
+
+
+PLACED = "nodes of "
+"""How names of sets begin that stand for places of a body file."""
+_Chooser = TypeVar("_Chooser", SupportNodes, InterfaceNodes, FrameNodes)
+# Share of the body's longest side by which nodes may miss a plane or a cylinder without a tolerance.
+_MISS = 1e-4
+
+
+def node_set(mesh: Mesh, nodes: Nodes, key: str, units: UnitSystem = UnitSystem.SI) -> IntArray:
+    """Nodes of a named set, or at a place.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    nodes : Nodes
+        Of names, upper and lower case count as the same where that is unambiguous.
+    key : str
+        The key of the body file that asks, for the message.
+    units : UnitSystem
+        Of the body file's lengths, for the message.
+
+    Returns
+    -------
+    (k,) int
+        Ascending.
+
+    Raises
+    ------
+    BodyFileError
+        No such set, or an empty one; no node at a place.
+    """
+    if isinstance(nodes, str):
+        return named_set(mesh.node_sets, "node", nodes, key)
+    if isinstance(nodes, tuple):
+        return np.unique(np.concatenate([node_set(mesh, one, key, units) for one in nodes]))
+    rows = np.flatnonzero(_at(mesh, nodes, key))
+    if not rows.size:
+        raise BodyFileError(f"{key}: no node lies there; {_nearby(mesh, nodes, key, units)}")
+    return rows
+
+
+def reference(mesh: Mesh, nodes: Nodes) -> FloatArray | None:
+    """Reference point (3,), m, that the mesh file gives to a set; None without one."""
+    if not isinstance(nodes, str):
+        return None
+    return next((point for name, point in mesh.references.items() if name.upper() == nodes.upper()), None)
+
+
+def support_places(mesh: Mesh, supports: Sequence[SupportNodes]) -> tuple[tuple[str, ...], FloatArray, IntArray]:
+    """Supports, those of the mesh file last: names (k), centres (k, 3), m, and 1 where springs hold (k,)."""
+    found = []
+    for number, table in enumerate(supports, start=1):
+        rows = node_set(mesh, table.nodes, f"support[{number}].nodes")
+        named = isinstance(table.nodes, str) and not table.nodes.startswith(PLACED)
+        found.append((str(table.nodes) if named else f"support {number}", rows, int(not table.fix)))
+    held = np.flatnonzero(mesh.fixed.any(axis=1))
+    if held.size:
+        found.append(("held by the mesh file", held, 0))
+    points = np.array([mesh.points[rows].mean(axis=0) for _, rows, _ in found]).reshape(-1, 3)
+    return tuple(name for name, _, _ in found), points, np.array([spring for _, _, spring in found], dtype=int)
+
+
+def by_name(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, BodyOptions]:
+    """Turn the body file's places into node sets of the mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    config : BodyOptions
+
+    Returns
+    -------
+    mesh : Mesh
+        With the sets.
+    config : BodyOptions
+        With their names.
+
+    Raises
+    ------
+    BodyFileError
+        As of `node_set`.
+    """
+    sets = dict(mesh.node_sets)
+
+    def named(kind: str, given: tuple[_Chooser, ...]) -> tuple[_Chooser, ...]:
+        found = []
+        for number, one in enumerate(given, start=1):
+            if not isinstance(one.nodes, str):
+                title = f"{PLACED}{kind} {getattr(one, 'name', number)}"
+                sets[title] = node_set(mesh, one.nodes, title, config.units)
+                one = replace(one, nodes=title)
+            found.append(one)
+        return tuple(found)
+
+    options = replace(
+        config,
+        supports=named("support", config.supports),
+        interfaces=named("interface", config.interfaces),
+        frames=named("frame", config.frames),
+    )
+    return replace(mesh, node_sets=sets), options
+
+
+def _at(mesh: Mesh, place: Place, key: str) -> BoolArray:
+    """Which nodes meet all of a place's conditions."""
+    points = mesh.points
+    size = float(np.ptp(points, axis=0).max())
+    miss = _MISS * size if place.tolerance is None else place.tolerance
+    chosen = np.ones(len(points), dtype=bool)
+    if place.set is not None:
+        chosen &= _member(points, named_set(mesh.node_sets, "node", place.set, key))
+    if place.numbers is not None:
+        unknown = np.setdiff1d(place.numbers, mesh.labels)
+        if unknown.size:
+            raise BodyFileError(f"{key}: the mesh has no nodes of the numbers {listed(unknown)}")
+        chosen &= np.isin(mesh.labels, place.numbers)
+    if place.plane is not None and place.normal is not None:
+        normal = np.array(place.normal) / np.linalg.norm(place.normal)
+        chosen &= np.abs((points - place.plane) @ normal) <= miss
+    if place.box is not None:
+        low, high = np.sort(np.array(place.box), axis=0)
+        chosen &= np.all((points >= low - miss) & (points <= high + miss), axis=1)
+    if place.cylinder is not None and place.radius is not None:
+        start, end = np.array(place.cylinder)
+        length = float(np.linalg.norm(end - start))
+        along = (points - start) @ (end - start) / length
+        away = np.linalg.norm(points - start - np.outer(along / length, end - start), axis=1)
+        chosen &= (np.abs(away - place.radius) <= miss) & (along >= -miss) & (along <= length + miss)
+    if place.patch is not None and place.radius is not None:
+        chosen &= _member(points, _surface(mesh, key))
+        chosen &= np.linalg.norm(points - place.patch, axis=1) <= place.radius + miss
+    if place.nearest is not None:
+        away = np.where(chosen, np.linalg.norm(points - place.nearest, axis=1), np.inf)
+        off = np.linalg.norm(points - place.nearest, axis=1).min()
+        # Farther off the body it is hardly meant: in other units, or of another body.
+        chosen &= (np.arange(len(points)) == np.argmin(away)) & (off <= size)
+    return chosen
+
+
+def _member(points: FloatArray, rows: IntArray) -> BoolArray:
+    member = np.zeros(len(points), dtype=bool)
+    member[rows] = True
+    return member
+
+
+def _surface(mesh: Mesh, key: str) -> IntArray:
+    """Nodes of the body's surface."""
+    if not mesh.blocks:
+        raise BodyFileError(f"{key}: patch needs elements, which tell the surface; give a box or a cylinder instead")
+    return np.unique(np.concatenate([block.nodes[block.outer].ravel() for block in mesh.faces]))
+
+
+def _nearby(mesh: Mesh, place: Place, key: str, units: UnitSystem) -> str:
+    """Where the body is, how far the closest node misses, and in which other units the place would be on it."""
+    unit, name = units.length, units.length_name
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    words = f"the body reaches from {_point(low / unit)} to {_point(high / unit)} {name}"
+    centre = place.plane or place.patch or place.nearest
+    if place.plane is not None and place.normal is not None:
+        normal = np.array(place.normal) / np.linalg.norm(place.normal)
+        least = np.abs((mesh.points - place.plane) @ normal).min()
+        words += f", and its node nearest to the plane misses it by {least / unit:.3g} {name}"
+    elif centre is not None:
+        away = np.linalg.norm(mesh.points - centre, axis=1).min()
+        words += f", and its nearest node is {away / unit:.3g} {name} away"
+    for other in UnitSystem:
+        if other is not units and np.any(_at(mesh, _scaled(place, other.length / unit), key)):
+            meant = other.length_name
+            return f"{words}; its numbers meet nodes if they are in {meant}: give them in {name}, as the mesh is"
+    return f"{words}; places are in the mesh's units ({units.value}): correct them or give a larger tolerance"
+
+
+def _scaled(place: Place, factor: float) -> Place:
+    """The same place with all lengths multiplied, but for a tolerance."""
+    names = ("plane", "box", "cylinder", "patch", "radius", "nearest")
+    given = {name: value for name in names if (value := getattr(place, name)) is not None}
+    return replace(place, **{name: np.multiply(value, factor).tolist() for name, value in given.items()})
+
+
+def _point(place: FloatArray) -> str:
+    return "(" + ", ".join(f"{float(x):.5g}" for x in place) + ")"

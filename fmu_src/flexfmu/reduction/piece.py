@@ -6,28 +6,36 @@ from typing import Any
 
 import numpy as np
 
-from ..fe.stress import point_stress, stress_jumps
+from ..fe.gradients import point_stress, stress_jumps
 from ..files.basics import FloatArray, plural
 from ..files.progress import Reporter
 from ..files.store import Store, content_key
-from ..model.inertia import LumpedMass
-from ..model.membrane import Membrane
+from ..model.inertia import LumpedMass, Membrane
 from ..model.methods import Data, Mass, has_frames
 from ..model.reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, StressSet, Surface, Ties
 from .basis import Matrices, completed_basis, modal_basis, stiffness_by_load, stiffness_by_mode
+from .bodies import (
+    THIRD_LEAST,
+    THIRD_MOST,
+    InterfaceFit,
+    body_subdomains,
+    embedding,
+    fit_interface,
+    fixable_root,
+    made_body,
+    motion_of_tree,
+    several,
+    shadow_options,
+    whole_frame,
+)
 from .cut.cut import Spring
-from .frames import body_subdomains, fixable_root, several, whole_frame
-from .interfaces import InterfaceFit, fit_interface
-from .making import made_body, motion_of_tree
 from .masses import Centre, element_lumps, lumped_mass, mass_centres, sub_masses
 from .membrane import Stretching, membrane_energy
 from .model import Model
 from .modes import Modes, frequency_spread
-from .options import BodyOptions, BodyUse
-from .places import element_set
+from .options import BodyOptions, BodyUse, element_set
 from .rigid_fit import by_node, modal_fit
 from .second_order import node_readings, second_order
-from .shadow import THIRD_LEAST, THIRD_MOST, embedding, shadow_options
 from .subdomains import FrameOperators, Subdomain, carrying_frame, frame_operators
 from .surface import body_surface, second_order_fields, surface_nodes
 from .third_order import buckling_loads, third_order_loads, with_third_order

@@ -1,11 +1,17 @@
-"""Weighted least-squares rigid fit of a node set: the distributing coupling (docs/theory.md, section 2)."""
+"""Weighted least-squares rigid fit of a node set (docs/theory.md, section 2), and masses at points, which hang by it.
+
+Such a mass hangs on its nodes as an interface does, by their fit A: its motion is A u, and it adds Aᵀ diag(m, J) A. On
+a single node A is that node's displacement, and there is nothing that its rotary inertia turns with.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..files.basics import FloatArray, IntArray
+from ..fe.assembly import assembled, mass
+from ..files.basics import FloatArray, IntArray, ModelError
+from ..mesh.model import Mesh, PointMass
 
 # Second moments of the set below this fraction of the largest count as zero: nodes on a line or in one point.
 _FLAT = 1e-9
@@ -138,3 +144,57 @@ def is_mean(operator: FloatArray, share: float = _EVEN) -> bool:
     parts = operator[:3].reshape(3, -1, 3)
     off = parts - parts[0, :, :1] * np.eye(3)[:, None]
     return bool(np.all(abs(off) <= share * abs(parts).max(initial=0.0)))
+
+
+# Nodes that a mass may hang on: each couples with all others.
+_NODES = 1500
+
+
+def attachment(points: FloatArray, one: PointMass) -> FloatArray:
+    """Operator A (6, 3k) from displacements of a mass's nodes to its displacement and rotation.
+
+    Parameters
+    ----------
+    points : (n, 3) float
+    one : PointMass
+
+    Returns
+    -------
+    (6, 3k) float
+
+    Raises
+    ------
+    ModelError
+        It hangs on more nodes than its matrix can be held of.
+    """
+    if one.nodes.size > _NODES:
+        raise ModelError(f"mass {one.name!r} hangs on {one.nodes.size} nodes, at most {_NODES}: couple it to fewer")
+    return rigid_fit(points, by_node(one.nodes), one.point)[0]
+
+
+def point_mass_matrix(mesh: Mesh) -> sp.csr_array:
+    """What all masses at points add to the mass matrix (3n, 3n), kg."""
+    size = 3 * len(mesh.points)
+    total = sp.csr_array((size, size))
+    for one in mesh.masses:
+        operator = attachment(mesh.points, one)
+        own = np.zeros((6, 6))
+        own[:3, :3], own[3:, 3:] = one.mass * np.eye(3), one.inertia
+        total = total + assembled(one.nodes[None], operator.T @ own @ operator, size)
+    return total
+
+
+def model_mass(mesh: Mesh) -> sp.csr_array:
+    """Mass matrix of elements and of masses at points.
+
+    Parameters
+    ----------
+    mesh : Mesh
+
+    Returns
+    -------
+    (3n, 3n) sparse
+        kg.
+    """
+    elements = mass(mesh)
+    return sp.csr_array(elements + point_mass_matrix(mesh)) if mesh.masses else elements

@@ -9,8 +9,7 @@ import scipy.sparse as sp
 from ..files.basics import FloatArray, IntArray
 from ..mesh.equations import RigidLink, Simplices, effects, followers, matrix_of, recognised, simplex
 from ..mesh.model import Mesh
-from .options import BodyOptions
-from .places import node_set
+from .options import BodyOptions, node_set
 
 # Stiffness of a simplex over that of the layer of elements around its link: less than a thousandth of their compliance
 # is added, and round-off grows with it.

@@ -20,11 +20,10 @@ import numpy as np
 from ..fe.gradients import geometric_stiffness
 from ..files.basics import FloatArray, IntArray
 from ..mesh.model import Mesh
-from ..model.curvature import from_ground, product
 from ..model.reduced_body import SecondOrder
-from ..model.rotations import skew
+from ..model.rotations import from_ground, product, skew
+from .bodies import InterfaceFit
 from .bushings import Bushings
-from .interfaces import InterfaceFit
 from .masses import Centre
 from .rigid_fit import Weighted, is_mean, rigid_fit
 from .subdomains import Subdomain, Turn, carrying_frame

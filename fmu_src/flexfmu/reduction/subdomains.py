@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from ..fe.assembly import mean_gradient, scatter
-from ..fe.faces import area_matrix, select
+from ..fe.assembly import area_matrix, mean_gradient, scatter, select
 from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND
 from ..model.rotations import skew
-from .point_masses import point_mass_matrix
-from .rigid_fit import Weighted, by_node, modal_fit, rigid_fit
+from .rigid_fit import Weighted, by_node, modal_fit, point_mass_matrix, rigid_fit
 
 # Volume of the tetrahedron of characteristic points over the cube of its longest edge: below it rotations are guesses.
 _FLAT_TETRAHEDRON = 1e-4

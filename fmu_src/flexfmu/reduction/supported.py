@@ -13,8 +13,8 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
+from ..fe.assembly import Unknowns
 from ..fe.factorisation import Factorisation
-from ..fe.unknowns import Unknowns
 from ..files.basics import FloatArray, IntArray
 
 

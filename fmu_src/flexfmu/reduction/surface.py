@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..fe.gradients import quadratic_strain
-from ..fe.stress import nodal_stress
+from ..fe.gradients import nodal_stress, quadratic_strain
 from ..files.basics import FloatArray, IntArray
 from ..files.progress import tell_nobody
 from ..mesh.model import Mesh

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ..fe.cells import cells
+from ..fe.layers import cells
 from ..files.basics import FloatArray, IntArray
 from ..mesh.model import Mesh
 from .subdomains import Subdomain

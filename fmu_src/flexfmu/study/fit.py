@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..build.body_model import read_body_model
 from ..build.config import read_body_file
+from ..build.reduce import read_body_model
 from ..files.basics import AccuracyError, BodyFileError, RuntimeBodyError, plural
+from ..files.outputs import check_target, whole_file
 from ..files.progress import Reporter
 from ..files.store import Store
-from ..files.targets import check_target, whole_file
 from ..fmu.package import package_fmu
 from ..model.methods import Mass, Method, Variant, has_frames, masses_of
 from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen
-from ..reduction.cut.loop_choice import cut_loops
+from ..reduction.cut.parts import cut_loops
 from . import candidates
 from .candidates import Candidate, Reduction
 from .fitted import Fit, body_text

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..build.config import BodyFile
 from ..files.basics import plural
-from ..files.plain_data import table_frame
+from ..files.outputs import table_frame
 from ..files.toml_files import toml_value
 from ..model.methods import Variant
 from ..reduction.options import Basis

@@ -20,7 +20,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
 
 from ..files.figures import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, VERMILION, YELLOW, Drawing, save
-from ..files.targets import PICTURE_SUFFIXES, check_target
+from ..files.outputs import PICTURE_SUFFIXES, check_target
 from ..model.methods import Method
 from .candidates import short
 from .front import QUANTITIES, Axis, bodies, recommended, tolerance

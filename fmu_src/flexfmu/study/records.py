@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from ..files.basics import plural
+from ..files.outputs import whole_file
 from ..files.store import code_digest
-from ..files.targets import whole_file
 from ..model.methods import Method, has_frames
 from .candidates import REDUCED, modes_words
 from .scene.config import SceneError

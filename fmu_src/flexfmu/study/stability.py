@@ -20,14 +20,14 @@ from ..body.flexible_body import FlexibleBody
 from ..build.reduce import reduce_body
 from ..core.library import library_path
 from ..files.basics import FloatArray, RuntimeBodyError
+from ..files.outputs import PICTURE_SUFFIXES, check_target
 from ..files.progress import Reporter
 from ..files.store import Store
-from ..files.targets import PICTURE_SUFFIXES, check_target
 from ..fmu.python_slave import BodySlave, SlaveError, core_file
 from ..model.methods import Mass, Variant, has_frames
 from ..model.reduced_body import ReducedBody
 from ..model.variants import lean
-from ..program.programs import programs, with_guid
+from ..program.compile import programs, with_guid
 from ..program.variable_table import ERROR, STATUS_CODE, variable_table
 from .candidates import Candidate, Reduction, has_meaning, linear_frames, reduction_config
 from .records import RUNS, VERDICTS, RecordFile, Run, Verdict, verdict

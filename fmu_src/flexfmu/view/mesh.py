@@ -12,13 +12,11 @@ from ..mesh.checks import checked
 from ..mesh.formats import read_mesh
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND
+from ..reduction.bodies import body_subdomains, fit_interface
 from ..reduction.cut.cut import cut_parts, part_configs
-from ..reduction.cut.loop_choice import cut_loops
-from ..reduction.frames import body_subdomains
-from ..reduction.interfaces import fit_interface
+from ..reduction.cut.parts import cut_loops
 from ..reduction.model import Model
-from ..reduction.options import BodyOptions
-from ..reduction.places import PLACED, node_set, support_places
+from ..reduction.options import PLACED, BodyOptions, node_set, support_places
 from ..reduction.subdomains import Subdomain
 from ..reduction.surface import carrying_frames, set_numbers, surface_nodes
 from .model import Mark, MarkKind, Region, View

@@ -11,8 +11,7 @@ import meshio
 import numpy as np
 
 from ..files.basics import FlexfmuError, FloatArray, OutputError
-from ..files.plain_data import page_text
-from ..files.targets import PICTURE_SUFFIXES, check_target, whole_file
+from ..files.outputs import PICTURE_SUFFIXES, check_target, page_text, whole_file
 from .model import Case, View
 
 if TYPE_CHECKING:

@@ -13,10 +13,9 @@ from flexfmu.mesh.beams import Beam, with_beams
 from flexfmu.mesh.decks import structures
 from flexfmu.mesh.decks.assembly import Assembly
 from flexfmu.mesh.decks.attached import MASSES, SPRINGS, Carriers, deck_springs, point_masses
-from flexfmu.mesh.decks.boundary import held_by_steps, hold, inclined
 from flexfmu.mesh.decks.cards import Card, read_cards
 from flexfmu.mesh.decks.couplings import COUPLINGS, CouplingTable, offered
-from flexfmu.mesh.decks.equations import TieTable, equations
+from flexfmu.mesh.decks.equations import TieTable, equations, held_by_steps, hold, inclined
 from flexfmu.mesh.decks.geometry import Elements, ElementTable, NodeTable
 from flexfmu.mesh.decks.keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
 from flexfmu.mesh.decks.materials import Assigned, DeckMaterials
@@ -25,8 +24,8 @@ from flexfmu.mesh.decks.sets import Deck, DeckSurface, SetTable, surface
 from flexfmu.mesh.elements import ElementBlock
 from flexfmu.mesh.equations import matrix_of
 from flexfmu.mesh.model import Mesh
-from flexfmu.mesh.shell_ties import OfShell
 from flexfmu.mesh.shells import FoldedShellError, expanded
+from flexfmu.mesh.ties import OfShell
 
 
 def read_deck(path: Path, units: UnitSystem) -> Mesh:

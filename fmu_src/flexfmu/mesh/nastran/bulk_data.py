@@ -21,7 +21,7 @@ from flexfmu.mesh.model import NO_MATERIAL, Material
 from flexfmu.mesh.nastran import node_cards, shell_cards
 from flexfmu.mesh.nastran.line_cards import CARDS, SPRINGS, LineCard, is_line, lines, springs
 from flexfmu.mesh.nastran.shell_cards import LAYERED, OF_SHELLS, SHELLS, plate
-from flexfmu.mesh.other.extras import imported, quiet
+from flexfmu.mesh.other.exchange import imported, quiet
 from flexfmu.mesh.shapes import FACE_SHAPES
 
 # Solids and faces by card and number of nodes. Faces that belong to no property have no stiffness: mesh generators

@@ -14,7 +14,7 @@ from flexfmu.files.units import UnitSystem
 from flexfmu.mesh.beams import Beam, CrossSection, box, ellipse, i_section, l_section, pipe, rectangle
 from flexfmu.mesh.in_memory import Contents, Member, cells_of
 from flexfmu.mesh.model import Material
-from flexfmu.mesh.other.extras import imported, quiet
+from flexfmu.mesh.other.exchange import imported, quiet
 
 # Solids by their numbers: corners and mid-side nodes stand as meshio has them.
 _BRICKS = {45: 8, 185: 8, 95: 20, 186: 20}

@@ -18,8 +18,7 @@ from ...mesh.model import Mesh, moved_springs
 from ..bushings import Bushings
 from ..division import neighbours
 from ..model import Model, free_motions
-from ..options import Basis, BodyOptions, BranchJoints, InterfaceNodes, SupportNodes
-from ..places import node_set
+from ..options import Basis, BodyOptions, BranchJoints, InterfaceNodes, SupportNodes, node_set
 from ..rigid_fit import by_node, rigid_fit, rigid_motions
 from ..subdomains import elements_within, section as section_weights
 from .loops import LoopSection

@@ -9,10 +9,10 @@ import scipy.linalg
 
 from ...files.basics import BoolArray, FloatArray, IntArray, ModelError
 from ...model.arrays import ARRAYS, Entry
-from ...model.membrane import Membrane
+from ...model.inertia import Membrane
 from ...model.reduced_body import GROUND, Masses, ReducedBody, SecondOrder, StressSet, Surface, Ties
 from ...model.rotations import skew
-from ..making import made_body
+from ..bodies import made_body
 from ..options import BodyUse
 
 # Springs of the joints take up this share of an interface's displacement under a load on it, all together. Stiffer ones

@@ -9,8 +9,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from ...files.figures import save
-from ...files.plain_data import page_text, picture_html, records_frame
-from ...files.targets import PICTURE_SUFFIXES, check_target, whole_file
+from ...files.outputs import PICTURE_SUFFIXES, check_target, page_text, picture_html, records_frame, whole_file
 from ...model.methods import Method
 from .. import pictures as look
 from ..candidates import REDUCED

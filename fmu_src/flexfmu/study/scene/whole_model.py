@@ -6,18 +6,17 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ...build.body_model import BodyModel, read_body_model
 from ...build.config import BodyFile
+from ...build.reduce import BodyModel, read_body_model
 from ...fe.nonlinear import load_path
 from ...files.basics import AccuracyError, FloatArray
 from ...files.progress import Reporter
 from ...files.store import Store, content_key
 from ...model.rotations import exponential, rotation_vector
 from ...reduction.basis import Matrices
-from ...reduction.interfaces import InterfaceFit, fit_interface
+from ...reduction.bodies import InterfaceFit, fit_interface
 from ...reduction.model import Model
-from ...reduction.point_masses import model_mass
-from ...reduction.rigid_fit import is_mean
+from ...reduction.rigid_fit import is_mean, model_mass
 from .config import SceneError
 from .scene import Scene, StaticCase
 

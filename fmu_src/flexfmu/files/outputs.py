@@ -1,10 +1,12 @@
-"""Results as plain data, for `--json` and for pages."""
+"""What goes out: files checked and written whole, tables and JSON of plain data, pages and pictures."""
 
 import base64
 import io
 import json
 import math
-from collections.abc import Iterable, Mapping
+import tempfile
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from html import escape
@@ -13,6 +15,68 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from .basics import OutputError
+
+PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
+
+
+def check_target(path: Path, suffixes: Collection[str], inputs: Collection[Path] = ()) -> None:
+    """Refuse a file that cannot or should not be written, before any work is done for it.
+
+    Parameters
+    ----------
+    path : Path
+    suffixes : collection of str
+        Endings that will do, with the dot.
+    inputs : collection of Path
+        Files that the job reads and must not overwrite.
+
+    Raises
+    ------
+    OutputError
+        With what is wrong and what to do.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise OutputError(f"{path}: expected a file name that ends in {' or '.join(suffixes)}")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path}: the folder {path.parent} does not exist; make it first")
+    if path.is_dir():
+        raise OutputError(f"{path} is a folder; give a file name")
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise OutputError(f"{path}: the folder {path.parent} cannot be written to ({error.strerror})") from error
+    for source in inputs:
+        if path.exists() and source.exists() and path.samefile(source):
+            raise OutputError(f"{path} is what the job reads; give the result another name")
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Name of a file to write to that takes the place of `path` when all went well, and disappears otherwise.
+
+    The file stands in a new folder that nobody else may write to, so that no link that others have laid is followed.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    try:
+        with tempfile.TemporaryDirectory(
+            prefix=f".{path.name}.", dir=path.parent, ignore_cleanup_errors=True
+        ) as folder:
+            part = Path(folder) / path.name
+            yield part
+            part.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error})") from error
 
 
 def json_text(value: object) -> str:
