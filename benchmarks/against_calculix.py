@@ -47,7 +47,7 @@ from benchmarks.coverage import kind_of
 from flexfmu import FlexfmuError
 from flexfmu.fe.assembly import mass, stiffness, unknowns
 from flexfmu.fe.factorisation import Factorisation
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
 from flexfmu.mesh.checks import checked, without_mechanisms
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.elements import ElementType

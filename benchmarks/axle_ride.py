@@ -111,7 +111,7 @@ def measure(folder: Path, internal_steps: list[str] | None, known: set[tuple[str
     from demo.rear_axle.road.models import build_model, chart_models, parameters
     from demo.rear_axle.road.scene import WHEEL, Ride, build_axle, build_wheel, coil_preload
 
-    from flexfmu.files.progress import Reporter
+    from flexfmu.files.outputs import Reporter
 
     preload = coil_preload(build_axle(folder, Reporter()), Ride())
     build_wheel(folder)

@@ -21,7 +21,7 @@ import numpy as np
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 

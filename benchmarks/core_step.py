@@ -23,7 +23,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import DampingTable, FormulationTable, InterfaceTable, OutputTable
 from flexfmu.core import building
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import couple, parse_coupling
 

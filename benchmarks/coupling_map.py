@@ -20,7 +20,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.basics import FloatArray, StoppedError
 from flexfmu.files.console import ConsoleReporter
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import couple
 from flexfmu.master.config import parse_coupling

@@ -27,7 +27,7 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 from flexfmu import FlexfmuError, read_mesh
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
 
 RECORD = Path(__file__).with_suffix(".csv")
 SECONDS, BYTES = 60, 4 << 30

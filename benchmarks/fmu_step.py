@@ -62,7 +62,7 @@ def build_body(folder: Path) -> dict[str, Path]:
     from flexfmu.build.config import read_body_file
     from flexfmu.build.reduce import reduce_body
     from flexfmu.build.tables import InterfaceTable, OutputTable
-    from flexfmu.files.progress import Reporter
+    from flexfmu.files.outputs import Reporter
     from flexfmu.fmu.description import Runtime
     from flexfmu.fmu.package import package_fmu
 

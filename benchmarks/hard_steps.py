@@ -19,7 +19,7 @@ from demo.rear_axle.run import HERE as AXLE
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store, default_folder
 from flexfmu.model.methods import Method
 

@@ -22,7 +22,7 @@ import numpy as np
 from flexfmu.api import Body
 from flexfmu.files.basics import FloatArray, IntArray
 from flexfmu.files.console import ConsoleReporter
-from flexfmu.files.progress import Tell
+from flexfmu.files.outputs import Tell
 from flexfmu.files.store import Store
 
 SIZES = (50_000, 150_000, 300_000, 1_000_000)

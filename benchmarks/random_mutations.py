@@ -76,7 +76,7 @@ ROWS: tuple[tuple[str, str], ...] = (
     ("reduction/*.py", "@modes @bases @rigid_fit free_bodies acceleration @division @surface inertia point_masses cut"),
     ("program/mass_polynomial.py", "mass_polynomial"),
     ("program/*.py", "= stability_watch statics tree membrane watch motion free_bodies"),
-    ("model/fixing.py", "@bases second_order free_bodies acceleration coupling inertia"),
+    ("model/variants.py", "@bases second_order free_bodies acceleration coupling inertia"),
     ("model/*.py", "= @rotations @methods second_order inertia statics membrane"),
     ("body/*.py", "@surface statics motion stress tree"),
 )

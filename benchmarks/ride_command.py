@@ -24,7 +24,7 @@ import json, sys
 from pathlib import Path
 import demo.rear_axle.road.scene as scene
 try:
-    from flexfmu.files.progress import Reporter
+    from flexfmu.files.outputs import Reporter
 except ImportError:
     from flexfmu.progress import Reporter
 

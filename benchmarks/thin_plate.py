@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from benchmarks.against_calculix import FORCE, calculix
 from flexfmu.fe.assembly import stiffness, unknowns
 from flexfmu.fe.factorisation import Factorisation
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck
 

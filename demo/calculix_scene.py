@@ -19,7 +19,7 @@ import numpy as np
 
 from flexfmu.fe.layers import elasticity
 from flexfmu.files.basics import FloatArray, IntArray
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementBlock
 from flexfmu.mesh.model import Mesh
 from flexfmu.reduction.model import Model

@@ -18,7 +18,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FormulationTable
 from flexfmu.files.figures import BLUE, GREEN, ORANGE, SKY, VERMILION
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.methods import Method
 

@@ -20,7 +20,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import BodyFile, read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.basics import EquilibriumError, OptionError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method, has_frames
 from flexfmu.model.reduced_body import ReducedBody
 

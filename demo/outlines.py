@@ -19,7 +19,7 @@ import numpy as np
 from demo.calculix_results import read_displacements
 from demo.calculix_tools import find_ccx
 
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.reduction.surface import surface_nodes
 from flexfmu.view.picture import corner_edges

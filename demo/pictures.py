@@ -23,7 +23,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.body.recovery import surface_of
 from flexfmu.build.config import BodyFile, read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import IntArray
 from flexfmu.reduction.surface import face_normals

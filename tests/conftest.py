@@ -10,7 +10,7 @@ import pytest
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store
 from references import BEAM, L_FRAME, body_without_error
 from scene_tools import SMALL_SWEEP, with_results

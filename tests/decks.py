@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfmu.files.basics import DeckError
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import DeckError, UnitSystem
 from flexfmu.mesh.decks.deck import read_deck
 
 NODES = """*NODE, NSET=Nall

@@ -9,7 +9,7 @@ import numpy as np
 
 from bodies import random_body
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.elements import ElementType

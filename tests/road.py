@@ -12,7 +12,7 @@ BUILD = """
 import sys
 from pathlib import Path
 from demo.rear_axle.road.scene import Ride, build_axle, build_wheel, coil_preload
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 
 folder = Path(sys.argv[1])
 body = build_axle(folder, Reporter())

@@ -4,7 +4,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.study.scene.scene import read_scene
 from references import BEAM, calculix
 

@@ -14,7 +14,7 @@ from benchmarks.defaults.body import Body, about, above, below, both, either, ne
 from benchmarks.defaults.branched import section
 from benchmarks.defaults.shapes import FloatArray, bar, constant, kept, lines, moved, tapered
 from benchmarks.defaults.unseen import _rounded
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
 from flexfmu.mesh.formats import read_mesh
 
 _ALUMINIUM = Material("ALUMINIUM", 7e10, 0.33, 2700.0)

@@ -27,7 +27,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FormulationTable, OutputTable
 from flexfmu.files.basics import RuntimeBodyError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Mass, Method
 
 RECORDS = Path(__file__).with_name("motions.csv")

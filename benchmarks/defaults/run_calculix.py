@@ -23,7 +23,7 @@ from benchmarks.defaults.published import EVERY
 from benchmarks.defaults.shapes import FloatArray
 from benchmarks.records import read_records, write_records
 from flexfmu.fe.assembly import area_matrix, select
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
 from flexfmu.mesh.formats import read_mesh
 
 RESULTS = Path(__file__).with_name("calculix.csv")

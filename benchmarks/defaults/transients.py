@@ -17,7 +17,7 @@ from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.config import BodyFile, read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import ReductionTable
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Mass, Method
 from flexfmu.study.scene.reference import by_default
 

@@ -18,8 +18,8 @@ from benchmarks.records import write_records
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
-from flexfmu.reduction import third_order
+from flexfmu.files.outputs import Reporter
+from flexfmu.reduction import basis
 from flexfmu.study.scene.reference import by_default
 
 RECORDS = Path(__file__).with_name("twisted.csv")
@@ -43,7 +43,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as top:
         config = read_body_file(body.write(Path(top)))
         for what, (levels, modes, least, most) in CHANGES.items():
-            with patch.multiple(third_order, _LEAST=least, _MOST=(most, 2)):
+            with patch.multiple(basis, _LEAST=least, _MOST=(most, 2)):
                 reduced = reduce_body(by_default(config, modes=modes, error=False), Reporter(), levels=levels)
             model = FlexibleBody(reduced)
             row: dict[str, object] = {"what": what, "frames": reduced.frame_count, "coordinates": reduced.mode_count}

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexfmu.build.config import BodyFile
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.reduced_body import ReducedBody
 
 FOLDER = Path(__file__).parent

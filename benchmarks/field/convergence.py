@@ -20,7 +20,7 @@ from benchmarks.records import read_records, write_records
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import ReducedBody
 

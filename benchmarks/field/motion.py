@@ -19,7 +19,7 @@ from flexfmu.body.flexible_body import FlexibleBody, Response, State, StepLimits
 from flexfmu.build.config import BodyFile
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.basics import StepError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import ReducedBody
 

@@ -13,7 +13,7 @@ from benchmarks.field.statics import ELASTICA
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Mass, Method
 
 SUDDEN = "Clamped beam, sudden 5 kN"

@@ -20,7 +20,7 @@ from benchmarks.field.records import Record
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 
 FloatArray = NDArray[np.float64]
 

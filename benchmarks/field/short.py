@@ -19,7 +19,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.basics import EquilibriumError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method
 
 FloatArray = NDArray[np.float64]

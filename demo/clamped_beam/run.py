@@ -27,7 +27,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import OutputTable
 from flexfmu.files.console import ConsoleReporter
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.simulation import simulate
 
 HERE = Path(__file__).parent

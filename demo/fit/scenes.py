@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store
 from flexfmu.model.reduced_body import ReducedBody
 from flexfmu.study.fit import fit

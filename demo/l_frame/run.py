@@ -19,7 +19,7 @@ from demo.fmu_study import (
 )
 
 from flexfmu.files.console import ConsoleReporter
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 
 HERE = Path(__file__).parent
 FRAMES = (1, 3, 8)

@@ -20,7 +20,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FormulationTable
 from flexfmu.files.console import ConsoleReporter
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method
 
 HERE = Path(__file__).parent

@@ -19,7 +19,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FrameTable, MeshTable
 from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.figures import GREEN, ORANGE, PINK, SKY, VERMILION
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store, default_folder
 from flexfmu.model.methods import Method
 

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from flexfmu.fe.assembly import area_matrix, select
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.reduction.bodies import InterfaceFit, fit_interface
 from flexfmu.reduction.options import InterfaceNodes

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
         RuntimeBodyError as RuntimeBodyError,
         SimulationError as SimulationError,
         StepError as StepError,
+        UnitSystem as UnitSystem,
         __version__ as __version__,
     )
-    from .files.units import UnitSystem as UnitSystem
     from .fmu.built_body import BuiltBody as BuiltBody, SimulationResult as SimulationResult, load as load
     from .given.linear import linear_body as linear_body, read_sid as read_sid, write_sid as write_sid
     from .given.modes import GivenModes as GivenModes, read_given as read_given
@@ -37,19 +37,11 @@ if TYPE_CHECKING:
 # Imported when first asked for.
 _MODULES = {
     ".api": ("Body",),
-    ".body.flexible_body": ("FlexibleBody", "Response", "State", "StepLimits"),
+    ".body.flexible_body": ("EquilibriumError", "FlexibleBody", "Response", "State", "StepError", "StepLimits"),
     ".build.choices": ("Interface", "Support"),
     ".calls.decay": ("decay",),
     ".calls.functions": ("chart", "check", "couple", "fit", "init", "show", "stability"),
-    ".files.basics": (
-        "EquilibriumError",
-        "FlexfmuError",
-        "RuntimeBodyError",
-        "SimulationError",
-        "StepError",
-        "__version__",
-    ),
-    ".files.units": ("UnitSystem",),
+    ".files.basics": ("FlexfmuError", "RuntimeBodyError", "SimulationError", "UnitSystem", "__version__"),
     ".fmu.built_body": ("BuiltBody", "SimulationResult", "load"),
     ".given.linear": ("linear_body", "read_sid", "write_sid"),
     ".given.modes": ("GivenModes", "read_given"),

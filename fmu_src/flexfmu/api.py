@@ -20,11 +20,9 @@ from .build.choices import (
 )
 from .build.config import read_body_file
 from .build.reduce import body_model, reduce_mesh
-from .files.basics import BodyFileError
-from .files.outputs import picture_html, rows_html
-from .files.progress import Reporter, ScriptReporter
+from .files.basics import BodyFileError, UnitSystem, unit_system
+from .files.outputs import Reporter, ScriptReporter, picture_html, rows_html
 from .files.store import Store
-from .files.units import UnitSystem, unit_system
 from .fmu.built_body import BuiltBody
 from .mesh.formats import file_origin, read_mesh
 from .mesh.in_memory import as_mesh

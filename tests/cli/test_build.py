@@ -22,7 +22,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import build_fmu, reduce_body
 from flexfmu.commands.cli import app
 from flexfmu.files.basics import BodyFileError, FlexfmuError, MeshError, ModelError, OptionError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.modal_file import read_modal_file

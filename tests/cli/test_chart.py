@@ -18,7 +18,7 @@ from chromium import opened
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.config import read_body_file
 from flexfmu.files.basics import OutputError, SimulationError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Mass, Method, Variant, has_frames
 from flexfmu.reduction.options import Basis
 from flexfmu.study import fmu_cost, pictures as look, workshop as workshops

@@ -15,7 +15,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.build.suggest import bores, likely_mesh, starting_body_file
 from flexfmu.commands.cli import app
 from flexfmu.files.basics import AccuracyError, BodyFileError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh

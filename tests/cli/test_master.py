@@ -19,7 +19,7 @@ from coupling_core import (
     tangent,
 )
 from flexfmu.files.basics import OutputError, SimulationError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.tables import read_table
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import Result, couple, read_coupling_file, run, write_result

@@ -12,7 +12,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import build_fmu, reduce_body
 from flexfmu.build.tables import FrameTable, InterfaceTable
 from flexfmu.files.basics import BodyFileError, OutputError, PackagingError, SimulationError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.tables import read_table
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu

@@ -209,7 +209,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from flexfmu.files.basics import FlexfmuError
 from flexfmu.fmu.simulation import simulate_csv
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 
 class Impatient(Reporter):
     # Presses Ctrl-C from outside once ten steps are done, so that it comes amid any code.

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from bodies import random_body
 from flexfmu.commands.cli import app
 from flexfmu.files.basics import OutputError, SimulationError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import couple, read_coupling_file, write_ssp
 

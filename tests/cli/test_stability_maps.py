@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from flexfmu.commands.cli import app
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store
 from flexfmu.study import pictures
 from flexfmu.study.pictures import draw_map

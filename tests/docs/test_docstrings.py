@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexfmu
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from given_bars import bar, eigenmodes
 from meshes import write_deck
 

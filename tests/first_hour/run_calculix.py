@@ -14,7 +14,7 @@ import numpy as np
 from demo.calculix_scene import deck, run
 
 from first_parts import LOADS, SHARES, edited, scene, write_mesh
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store
 from flexfmu.study.scene.scene import read_scene
 from flexfmu.study.scene.whole_model import WholeModel, finite_motion

@@ -10,7 +10,7 @@ from bodies import random_body
 from driven import Driven
 from flexfmu import Body, Interface, Support
 from flexfmu.body.replay import body_with, replay
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.reduced_body import Properties
 from flexfmu.program.variable_table import variable_table

@@ -5,8 +5,7 @@ from random import Random
 import pytest
 
 from decks import BODY, CAE, COUPLING, PART
-from flexfmu.files.basics import FlexfmuError
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import FlexfmuError, UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck
 from foreign.deck_bars import PLY

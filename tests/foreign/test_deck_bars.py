@@ -9,8 +9,8 @@ import flexfmu
 from flexfmu.fe.assembly import stiffness, unknowns
 from flexfmu.fe.factorisation import Factorisation
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.files.progress import Reporter
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck
 from foreign.deck_bars import BARS, FORCE, HERE, LARGE, LOCKING, STEEL, deck

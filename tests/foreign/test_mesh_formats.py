@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from flexfmu.fe.assembly import stiffness
-from flexfmu.files.basics import MeshError
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import MeshError, UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from flexfmu.files import workers
-from flexfmu.files.basics import MeshError
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import MeshError, UnitSystem
 from flexfmu.mesh import formats
 from flexfmu.mesh.formats import read_mesh
 

@@ -7,9 +7,8 @@ import pytest
 
 import flexfmu
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.files.basics import DeckError
-from flexfmu.files.progress import Reporter
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import DeckError, UnitSystem
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.reduction.basis import Matrices

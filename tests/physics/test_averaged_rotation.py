@@ -6,9 +6,8 @@ import pytest
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FrameTable
-from flexfmu.files.basics import BodyFileError
-from flexfmu.files.progress import Reporter
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import BodyFileError, UnitSystem
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method
 from flexfmu.model.rotations import exponential
 from references import BEAM, body_without_error, calculix, displacement, relative

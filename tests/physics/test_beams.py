@@ -14,7 +14,7 @@ from decks import read
 from flexfmu.fe.assembly import mass, stiffness
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import AccuracyError, DeckError, FlexfmuError, MeshError, ModelError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.beams import box, ellipse, pipe, rectangle
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.options import BodyOptions

@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 import flexfmu
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import BodyFileError, ModelError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Mesh
 from flexfmu.model.rotations import exponential

@@ -12,7 +12,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import body_model
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import OptionError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.runtime import Runtime
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.modal_file import read_modal_file, write_modal_file

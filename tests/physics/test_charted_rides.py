@@ -15,7 +15,7 @@ from pathlib import Path
 from benchmarks.axle_ride import ride
 from demo.rear_axle.road.models import build_model, chart_models, parameters
 from demo.rear_axle.road.scene import WHEEL
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 
 folder, preload, place, stop = Path(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4])
 reduction, models = chart_models()[place]

@@ -18,7 +18,7 @@ from bodies import beam_body
 from coupling_core import loads
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.tables import InterfaceTable
-from flexfmu.files.progress import progress_words
+from flexfmu.files.outputs import progress_words
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master.layout import Springs
 from flexfmu.reduction.options import Basis
@@ -120,7 +120,7 @@ import json, sys
 from pathlib import Path
 from flexfmu.files.basics import FlexfmuError
 from flexfmu.master import couple, read_coupling_file
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 
 
 class Words(Reporter):
@@ -1027,7 +1027,7 @@ import json, sys
 from contextlib import contextmanager
 from pathlib import Path
 from flexfmu.master import couple, read_coupling_file
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 
 
 class Words(Reporter):

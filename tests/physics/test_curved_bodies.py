@@ -10,7 +10,7 @@ from flexfmu.build import reduce as build
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import BranchTable, InterfaceTable, MeshTable, SupportTable
 from flexfmu.fe.assembly import mean_gradient
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.model.methods import Method

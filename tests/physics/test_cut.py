@@ -17,9 +17,8 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import read_body_model, reduce_body
 from flexfmu.build.tables import CutTable, MeshTable, SupportTable
 from flexfmu.core.interface import read_image
-from flexfmu.files.basics import BodyFileError, OptionError
-from flexfmu.files.progress import Reporter
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import BodyFileError, OptionError, UnitSystem
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh

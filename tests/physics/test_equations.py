@@ -10,8 +10,7 @@ import flexfmu
 from flexfmu.fe.assembly import area_matrix, select, stiffness, unknowns
 from flexfmu.fe.factorisation import Factorisation
 from flexfmu.fe.gradients import point_stress
-from flexfmu.files.basics import ModelError
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import ModelError, UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.reduction.model import assemble_model

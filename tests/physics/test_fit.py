@@ -19,7 +19,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.calls.describing import describe
 from flexfmu.files.basics import OutputError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store
 from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.mesh.elements import ElementType

@@ -12,7 +12,7 @@ from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import InterfaceTable
 from flexfmu.files.basics import EquilibriumError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.model.rotations import exponential

@@ -13,7 +13,7 @@ from flexfmu.body.loads import Loads
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import DampingTable, FrameTable, InputTable, InterfaceTable, SupportTable
 from flexfmu.files.basics import EquilibriumError, ModelError, OptionError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
 from flexfmu.model.methods import Mass, Method
@@ -221,7 +221,7 @@ def test_a_hinged_beam_swings_like_the_large_angle_pendulum(bodies):
 def hinged_beam(config, support):
     """The beam held on the line across its root's middle."""
     from flexfmu.build import reduce as build
-    from flexfmu.files.progress import Reporter
+    from flexfmu.files.outputs import Reporter
 
     original = build.read_mesh
 

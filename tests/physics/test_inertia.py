@@ -16,7 +16,7 @@ from flexfmu.build.config import BodyFile
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import InputTable, InterfaceTable, MeshTable
 from flexfmu.files.basics import ModalFileError, OptionError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.inertia import without_frames
 from flexfmu.model.methods import Mass, Method, Variant, masses_of

@@ -8,7 +8,7 @@ import pytest
 from flexfmu import Body, FlexibleBody
 from flexfmu.build.reduce import read_body_model, reduce_body
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.cut.loops import element_contacts, inner_sections

@@ -11,8 +11,8 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import BodyFile
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FormulationTable
-from flexfmu.files.progress import Reporter
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.model.methods import Method

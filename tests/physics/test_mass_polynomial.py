@@ -14,7 +14,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FormulationTable, OutputTable
 from flexfmu.files.basics import OptionError, StepError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
 from flexfmu.model.methods import Mass, Method

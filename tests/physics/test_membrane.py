@@ -14,7 +14,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import OutputTable
 from flexfmu.calls.describing import describe
 from flexfmu.files.basics import EquilibriumError, ModelError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.inertia import Membrane
 from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction import membrane

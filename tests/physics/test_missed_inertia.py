@@ -8,7 +8,7 @@ import pytest
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Mass, Method
 from flexfmu.program.variable_table import variable_table
 from references import L_FRAME, missed_share, relative

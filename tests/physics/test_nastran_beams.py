@@ -11,8 +11,7 @@ import flexfmu
 from decks import read
 from flexfmu.build.suggest import starting_body_file
 from flexfmu.fe.assembly import stiffness
-from flexfmu.files.basics import DeckError, MeshError
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import DeckError, MeshError, UnitSystem
 from flexfmu.mesh.beams import CrossSection, channel, hat, i_section, l_section, walls, z_section
 from flexfmu.mesh.checks import checked
 from flexfmu.reduction.model import assemble_model

@@ -6,7 +6,7 @@ import pytest
 from flexfmu.build.config import read_body_file
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import AccuracyError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh

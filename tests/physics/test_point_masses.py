@@ -7,9 +7,8 @@ import pytest
 
 import flexfmu
 from decks import BODY, COUPLING, read, refuse
-from flexfmu.files.basics import MeshError
-from flexfmu.files.progress import Reporter
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import MeshError, UnitSystem
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import PointMass

@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 import flexfmu
 from flexfmu.fe.assembly import elastic_cells
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.equations import RigidLink, recognised

@@ -11,7 +11,7 @@ from scipy.optimize import root
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import SupportTable
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from references import body_without_error
 from road import built, python
 

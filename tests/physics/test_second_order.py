@@ -11,7 +11,7 @@ from elastica import MASS, STIFFNESS, heavy_elastica
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.build.tables import InputTable, InterfaceTable
 from flexfmu.files.basics import OptionError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import PointMass
 from flexfmu.model.methods import Mass, Method

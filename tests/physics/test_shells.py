@@ -25,7 +25,7 @@ from flexfmu.fe.gradients import (
 )
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import DeckError, FlexfmuError, MeshError
-from flexfmu.files.progress import Reporter, tell_nobody
+from flexfmu.files.outputs import Reporter, tell_nobody
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.model import Material, Mesh
 from flexfmu.mesh.shells import expanded

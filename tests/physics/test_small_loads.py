@@ -7,7 +7,7 @@ import pytest
 
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
 from flexfmu.study.stability import BodyPrograms, DrivenSlave

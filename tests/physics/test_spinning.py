@@ -10,7 +10,7 @@ from bodies import clamped_free_roots, clamped_free_shapes
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.rotations import exponential

@@ -10,7 +10,7 @@ from bodies import COROTATED, LINEAR, Beam, beam_body, source_of_judgement
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.basics import EquilibriumError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Method
 from flexfmu.study.stability import BodyPrograms, DrivenSlave

@@ -10,7 +10,7 @@ from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.build.tables import StressTable
 from flexfmu.fe.gradients import point_stress
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
 from flexfmu.fmu.description import Runtime
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.model.modal_file import read_modal_file, write_modal_file

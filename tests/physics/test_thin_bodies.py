@@ -12,7 +12,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.assembly import mass, stiffness, unknowns
 from flexfmu.fe.gradients import stress_jumps
 from flexfmu.files.basics import AccuracyError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.modes import normal_modes
 from flexfmu.reduction.supported import eliminated, supported

@@ -9,15 +9,14 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.gradients import quadratic_strain, stressed_gradients
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.files.progress import Reporter, tell_nobody
+from flexfmu.files.outputs import Reporter, tell_nobody
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
-from flexfmu.reduction.basis import Matrices
+from flexfmu.reduction.basis import Matrices, third_order_loads
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.fourth_order import FourthOrder
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.modes import normal_modes, with_residual_flexibility
-from flexfmu.reduction.third_order import third_order_loads
 from meshes import arc, body_file, box, grid, lattice
 from references import relative
 

@@ -6,7 +6,7 @@ import pytest
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from references import L_FRAME
 
 TOLD = "diagnostics.truncation"

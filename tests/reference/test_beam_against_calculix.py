@@ -6,7 +6,7 @@ import pytest
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FrameTable
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method
 from references import BEAM, body_without_error, calculix, displacement, relative, rotation
 

@@ -12,8 +12,8 @@ from demo import calculix_scene as calculix
 
 from flexfmu.build.tables import SupportTable
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.files.progress import Reporter
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.elements import ElementType
 from flexfmu.reduction.model import assemble_model

@@ -8,11 +8,11 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import InterfaceTable
 from flexfmu.files.basics import OptionError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
-from flexfmu.model.fixing import _remaining_modes
 from flexfmu.model.methods import Method
+from flexfmu.model.variants import _remaining_modes
 from flexfmu.reduction.options import Basis
 from meshes import bars, body_file, box, with_sets
 from references import BEAM, calculix, displacement, relative

@@ -5,8 +5,7 @@ import re
 import pytest
 
 from flexfmu.build.config import read_body_file
-from flexfmu.files.basics import BodyFileError
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import BodyFileError, UnitSystem
 from flexfmu.model.methods import Data, Mass, Method, Variant, needs
 from flexfmu.reduction.options import Basis
 

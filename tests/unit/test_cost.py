@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method, Variant, needs
 from flexfmu.study.cost import step_costs
 from references import BEAM

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from decks import BODY, BRICK, NODES, STEEL, line_of, read, refuse, set_labels
-from flexfmu.files.basics import DeckError, MeshError
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import DeckError, MeshError, UnitSystem
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import NO_MATERIAL

@@ -8,8 +8,7 @@ import pytest
 from decks import ASSEMBLY, BODY, BRICK, CAE, COUPLING, MATERIAL, NODES, PART, STEEL, line_of, read, refuse, set_labels
 from flexfmu.api import Body
 from flexfmu.build.config import BodySpec
-from flexfmu.files.basics import BodyFileError, DeckError
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import BodyFileError, DeckError, UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.elements import ElementType

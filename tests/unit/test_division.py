@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.basics import BodyFileError, MeshError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import GROUND

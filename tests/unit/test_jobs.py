@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store
 from flexfmu.study.candidates import candidates, grouped
 from flexfmu.study.chart.sweep import measure

@@ -18,7 +18,7 @@ from chromium import Tab, browser
 from driven import Driven
 from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.built_body import load
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.modal_file import write_modal_file

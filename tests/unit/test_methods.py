@@ -12,7 +12,7 @@ from bodies import beam_body
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.basics import OptionError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import (
     DEFAULT,
     Mass,

@@ -36,7 +36,7 @@ from flexfmu.core.building import (
     zig_compiler,
 )
 from flexfmu.files.basics import OptionError, PackagingError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.runtime import Runtime
 

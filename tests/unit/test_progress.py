@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from flexfmu.files.console import ConsoleReporter
-from flexfmu.files.progress import (
+from flexfmu.files.outputs import (
     Reporter,
     Stages,
     duration_words,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method, Variant
 from flexfmu.model.rotations import exponential, rotation_vector
 from flexfmu.study.candidates import Reduction

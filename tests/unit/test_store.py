@@ -12,7 +12,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import InterfaceTable, SupportTable
 from flexfmu.files import store as digests
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store, code_digest, content_key, default_folder, imported_modules
 from flexfmu.model.modal_file import write_modal_file
 from flexfmu.reduction.basis import Matrices
@@ -241,7 +241,7 @@ def test_the_code_of_a_result_is_all_that_its_module_loads(module):
         ("modes.py", "import numpy", "# A comment.\nimport numpy", False),
         ("modes.py", '"""', '"""Another sentence. ', False),
         ("modes.py", "raise ModelError(", 'raise ModelError("Another message." + ', False),
-        ("progress.py", "class Reporter", "x = 1\n\nclass Reporter", False),
+        ("outputs.py", "class Reporter", "x = 1\n\nclass Reporter", False),
         ("modes.py", "0.5 *", "0.6 *", True),
         ("shapes.py", "(155.0 - root)", "(155.0 + root)", True),
     ],
@@ -266,14 +266,14 @@ def test_kept_results_hang_on_what_computes_and_on_no_sentence(file, before, aft
 @pytest.mark.usefixtures("_forgotten")
 def test_the_hash_of_code_is_kept_until_a_file_changes(tmp_path, monkeypatch):
     monkeypatch.setenv("FLEXFMU_CACHE", str(tmp_path))
-    known = code_digest.__wrapped__("flexfmu.files.units")
+    known = code_digest.__wrapped__("flexfmu.files.basics")
     found, plain = [], Path.read_bytes
     monkeypatch.setattr(digests, "_found_digest", lambda module: found.append(module) or "another")
-    assert code_digest.__wrapped__("flexfmu.files.units") == known
+    assert code_digest.__wrapped__("flexfmu.files.basics") == known
     assert found == []
-    monkeypatch.setattr(Path, "read_bytes", lambda path: plain(path) + b"\n" * (path.name == "units.py"))
+    monkeypatch.setattr(Path, "read_bytes", lambda path: plain(path) + b"\n" * (path.name == "basics.py"))
     forget()
-    assert code_digest.__wrapped__("flexfmu.files.units") == "another"
+    assert code_digest.__wrapped__("flexfmu.files.basics") == "another"
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from flexfmu.body.recovery import surface_von_mises
 from flexfmu.build.reduce import reduce_body
 from flexfmu.fe.gradients import nodal_stress, quadratic_strain
 from flexfmu.files.basics import OptionError
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Method
 from flexfmu.model.rotations import exponential

@@ -10,8 +10,7 @@ import pytest
 
 from bodies import beam_body
 from flexfmu.files.basics import OutputError
-from flexfmu.files.outputs import check_target, whole_file
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter, check_target, whole_file
 from flexfmu.files.store import Store
 from flexfmu.fmu.curves import plot_result
 from flexfmu.fmu.package import package_fmu

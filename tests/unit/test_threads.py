@@ -4,7 +4,7 @@ import pytest
 import threadpoolctl
 
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from meshes import body_file, box
 

@@ -10,9 +10,8 @@ from flexfmu.api import Body, Interface
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import body_model, build_fmu, distant_points, reduce_body
 from flexfmu.commands.cli import app
-from flexfmu.files.basics import BodyFileError
-from flexfmu.files.progress import Reporter
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import BodyFileError, UnitSystem
+from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.checks import implausible
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material

@@ -15,7 +15,7 @@ from chromium import look
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.tables import read_table
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.modal_file import write_modal_file

@@ -42,7 +42,7 @@ from demo.rear_axle.alignment import arm_angle
 from demo.rear_axle.wheels import FLANGES, Wheel, wheels
 from demo.tip_face import MOTION_COLUMNS
 
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import UnitSystem
 from flexfmu.mesh.formats import read_mesh
 
 HERE = Path(__file__).parent

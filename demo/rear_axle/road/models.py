@@ -8,7 +8,7 @@ from demo.rear_axle.road.scene import AXLE_CUT, HERE
 
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store, default_folder
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.reduced_body import ReducedBody

@@ -17,7 +17,7 @@ from demo.rear_axle.road.scene import SIDES, Ride, build_axle, build_wheel, coil
 
 from flexfmu.files.console import ConsoleReporter
 from flexfmu.files.figures import BLUE, VERMILION
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.master import Result, couple
 
 matplotlib.use("Agg")

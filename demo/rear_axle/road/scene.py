@@ -11,7 +11,7 @@ from pythonfmu.builder import FmuBuilder
 
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store, default_folder
 from flexfmu.fmu.package import package_fmu
 from flexfmu.master import CouplingFile, Result, parse_coupling

@@ -32,7 +32,7 @@ from flexfmu.build.config import BodyFile, read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FrameTable, MeshTable
 from flexfmu.files.figures import BLUE, GREEN, ORANGE, PINK, SKY, VERMILION, save
-from flexfmu.files.progress import Reporter
+from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.methods import Method
 from flexfmu.view.picture import Camera, corner_edges, draw_outline, draw_surface

@@ -9,10 +9,9 @@ import numpy as np
 
 from ..core.library import Core, StepLimits
 from ..files.basics import EquilibriumError, FloatArray, IntArray, LoadError, OptionError, StepError
-from ..model.fixing import with_fixed_interfaces, with_frame_layout
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody
-from ..model.variants import chosen
+from ..model.variants import chosen, with_fixed_interfaces, with_frame_layout
 from ..program.compile import compile_program, shadow_draft
 from .loads import Loads, loads_from_mapping
 from .recovery import surface_data

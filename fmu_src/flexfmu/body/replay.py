@@ -14,7 +14,7 @@ import numpy as np
 from ..core.interface import word_of
 from ..core.library import StepLimits
 from ..files.basics import FloatArray, StepError
-from ..files.progress import Reporter
+from ..files.outputs import Reporter
 from ..model.reduced_body import ReducedBody
 from ..program.variable_table import (
     DAMPING_SCALE,

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..files.basics import BodyFileError, FloatArray, IntArray
+from ..files.basics import BodyFileError, FloatArray, IntArray, UnitSystem
 from ..files.outputs import fields_of
 from ..files.toml_files import validated
-from ..files.units import UnitSystem
 from ..mesh.model import Mesh
 from .config import BodySpec
 

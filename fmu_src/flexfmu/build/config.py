@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from ..files.basics import MOST_FRAMES, BodyFileError
-from ..files.inputs import Kind
+from ..files.tables import Kind
 from ..files.toml_files import Name, Table, different, read_toml, validated
 from ..model.methods import ASKED_BY, Data, Mass, Method, Variant, conflict, has_frames, needs
 from ..reduction import options as plain

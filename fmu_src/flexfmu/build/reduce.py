@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ..body.reference_loads import keeps_its_mass, lumps_are_fine
-from ..files.basics import FloatArray, __version__, plural
-from ..files.outputs import check_target, whole_file
-from ..files.progress import Reporter
+from ..files.basics import FloatArray, UnitSystem, __version__, plural
+from ..files.outputs import Reporter, check_target, whole_file
 from ..files.store import Store
 from ..files.threads import in_one_thread
-from ..files.units import UnitSystem
 from ..fmu.package import cores_for, package_fmu
 from ..fmu.runtime import Runtime
 from ..mesh.checks import checked, implausible

@@ -11,9 +11,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from ..fe.assembly import select
-from ..files.basics import DeckError, FloatArray, IntArray, MeshError
+from ..files.basics import DeckError, FloatArray, IntArray, MeshError, UnitSystem
 from ..files.toml_files import toml_value
-from ..files.units import UnitSystem
 from ..mesh.checks import connected_parts, is_likely, linked_pieces, nodes_of_elements
 from ..mesh.formats import read_mesh
 from ..mesh.model import NO_MATERIAL, Mesh

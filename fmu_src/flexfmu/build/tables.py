@@ -7,9 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from ..files.basics import MOST_MODES, OptionError
+from ..files.basics import MOST_MODES, OptionError, UnitSystem
 from ..files.toml_files import Axes, Name, Positive, Table, Vector, ascending
-from ..files.units import UnitSystem
 from ..model.methods import DEFAULT, Mass, Method, Variant
 from ..reduction.options import Basis
 

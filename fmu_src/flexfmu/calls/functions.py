@@ -5,11 +5,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files.basics import IntArray, OutputError
-from ..files.outputs import PICTURE_SUFFIXES, check_target, picture_html, records_frame, table_frame
-from ..files.progress import Reporter, ScriptReporter
+from ..files.basics import IntArray, OutputError, unit_system
+from ..files.outputs import (
+    PICTURE_SUFFIXES,
+    Reporter,
+    ScriptReporter,
+    check_target,
+    picture_html,
+    records_frame,
+    table_frame,
+)
 from ..files.store import Store, default_folder
-from ..files.units import unit_system
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

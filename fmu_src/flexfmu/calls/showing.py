@@ -13,11 +13,9 @@ from ..body.replay import body_with, replay
 from ..build.config import read_body_file
 from ..build.reduce import read_body_model, reduce_body
 from ..files.basics import FlexfmuError, FloatArray, IntArray, nearest
-from ..files.inputs import Kind, check_input, kind_of
-from ..files.outputs import check_target
-from ..files.progress import Reporter
+from ..files.outputs import Reporter, check_target
 from ..files.store import Store, default_folder
-from ..files.tables import quantity, read_table, unit_of
+from ..files.tables import Kind, check_input, kind_of, quantity, read_table, unit_of
 from ..fmu.reading import read_packaged_body
 from ..model.reduced_body import ReducedBody
 from ..view import motions

@@ -68,7 +68,7 @@ def ends_in_words(command: Callable[..., None]) -> Callable[..., None]:
         from rich.markup import escape
 
         from ..files.basics import INTERRUPTED, FlexfmuError, RuntimeBodyError
-        from ..files.progress import keeps_interrupts
+        from ..files.outputs import keeps_interrupts
 
         try:
             with keeps_interrupts():
@@ -305,7 +305,7 @@ def couple(
 ) -> None:
     """Run several FMUs together, linked by connections and by springs between interfaces."""
     from ..calls.functions import couple as run
-    from ..master.ssp import write_ssp
+    from ..master.coupling import write_ssp
 
     if output is None and ssp is None:
         raise typer.BadParameter("give --output, --ssp or both")

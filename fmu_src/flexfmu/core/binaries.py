@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from ..files.basics import PackagingError
-from ..files.progress import Reporter
+from ..files.outputs import Reporter
 from ..files.store import default_folder
 from .building import PLATFORMS, WEB_CORE, compile_core, source_hash, this_platform, zig_compiler
 from .library import SHIPPED, library_path

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..files.basics import BoolArray, FloatArray, IntArray, ModelError
-from ..files.progress import tell_nobody
+from ..files.outputs import tell_nobody
 from ..mesh.elements import ElementBlock, ElementType
 from ..mesh.model import Mesh
 from ..mesh.shapes import LINEAR

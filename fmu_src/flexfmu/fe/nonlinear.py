@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..files.basics import AccuracyError, FloatArray, IntArray, ModelError
-from ..files.progress import Reporter
+from ..files.outputs import Reporter
 from ..files.threads import in_one_thread
 from ..mesh.model import Mesh
 from .assembly import CHUNK, Unknowns, assembled, elastic_cells, summed

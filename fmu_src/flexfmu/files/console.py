@@ -14,7 +14,7 @@ from rich.table import Column
 from rich.text import Text
 
 from .basics import BodyFileError
-from .progress import Reporter, Tell, duration_words, end_if_interrupted, progress_words
+from .outputs import Reporter, Tell, duration_words, end_if_interrupted, progress_words
 
 # Seconds between two states of a line on a terminal, and between two lines elsewhere; of a stage that leaves a line.
 _REFRESH, _PAUSE, _LONG = 0.1, 10.0, 5.0

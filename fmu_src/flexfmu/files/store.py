@@ -19,15 +19,14 @@ from typing import Any
 import numpy as np
 
 from .basics import FloatArray
-from .outputs import whole_file
-from .progress import Reporter
+from .outputs import Reporter, whole_file
 
 _PACKAGE = __name__.partition(".")[0]
 _CORE, _COMPILED = f"{_PACKAGE}.core.library", (".c", ".h", ".def")
 _ROOT = Path(__file__).parents[2]
-# Errors, progress, files: no result hangs on them, but for the factors of units.
+# Progress, files: no result hangs on them, but for the factors of units.
 _ROOM = __name__.rpartition(".")[0]
-_UNITS = f"{_ROOM}.units"
+_UNITS = f"{_ROOM}.basics"
 # What may begin with a docstring.
 _SAID = ast.Module | ast.ClassDef | ast.FunctionDef
 # Another version of these may give other numbers; the last two need not be there.

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic.fields import FieldInfo
 
 from .basics import FlexfmuError, FloatArray, alike
-from .inputs import Kind, check_input, toml_kind
+from .tables import Kind, check_input, toml_kind
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 """Letters, digits and _, beginning with a letter."""

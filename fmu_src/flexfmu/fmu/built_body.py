@@ -12,8 +12,7 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import load_names
 from ..files.basics import FloatArray, SimulationError
-from ..files.outputs import check_target, picture_html, rows_html
-from ..files.progress import Reporter, ScriptReporter
+from ..files.outputs import Reporter, ScriptReporter, check_target, picture_html, rows_html
 from ..files.tables import unit_of, write_table
 from ..model.methods import Mass, Method
 from ..model.modal_file import write_modal_file

@@ -16,8 +16,7 @@ from pathlib import Path
 from ..core.binaries import core_binaries
 from ..core.building import FLAGS, PLATFORMS, folders_3, prefix_header, source_files, sources as core_sources
 from ..files.basics import PackagingError
-from ..files.outputs import check_target, whole_file
-from ..files.progress import Reporter
+from ..files.outputs import Reporter, check_target, whole_file
 from ..model.modal_file import write_modal_file
 from ..model.reduced_body import ReducedBody
 from ..program.compile import programs, with_guid

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..core.interface import DESCRIPTION as PROGRAM, guid_of
 from ..files.basics import ContentsError, ModalFileError, PackagingError
-from ..files.inputs import Kind, check_input
+from ..files.tables import Kind, check_input
 from ..model.modal_file import read_modal_file
 from ..model.reduced_body import ReducedBody
 from .python_slave import guid_in

@@ -10,10 +10,8 @@ from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
 from ..files.basics import MOST_VALUES, FloatArray, SimulationError, StoppedError, keeping_partial, nearest, plural
-from ..files.inputs import Kind, check_input
-from ..files.outputs import check_target
-from ..files.progress import Reporter, ends_on_interrupt
-from ..files.tables import number, read_table, write_table
+from ..files.outputs import Reporter, check_target, ends_on_interrupt
+from ..files.tables import Kind, check_input, number, read_table, write_table
 from ..program.variable_table import STEP_TOLERANCE
 from .runtime import own_log
 

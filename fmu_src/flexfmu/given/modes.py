@@ -11,10 +11,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..fe.assembly import mass as mass_matrix
-from ..files.basics import FlexfmuError, FloatArray, IntArray, listed
-from ..files.inputs import Kind, kind_of
+from ..files.basics import FlexfmuError, FloatArray, IntArray, UnitSystem, listed
 from ..files.outputs import check_target, whole_file
-from ..files.units import UnitSystem
+from ..files.tables import Kind, kind_of
 from ..mesh.checks import DENSITY_RANGE, SIZE_RANGE, checked
 from ..mesh.model import NO_MATERIAL, Material, Mesh
 from ..reduction.model import rigid_basis

@@ -19,9 +19,8 @@ from ..build.choices import (
     support_table,
 )
 from ..build.config import BodySpec
-from ..files.basics import BodyFileError, FloatArray, IntArray, OptionError, __version__, plural
-from ..files.progress import Reporter, ScriptReporter
-from ..files.units import UnitSystem
+from ..files.basics import BodyFileError, FloatArray, IntArray, OptionError, UnitSystem, __version__, plural
+from ..files.outputs import Reporter, ScriptReporter
 from ..fmu.built_body import BuiltBody, load
 from ..mesh.checks import checked
 from ..mesh.in_memory import Contents, from_contents

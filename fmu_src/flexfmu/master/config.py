@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from ..files.basics import MOST_COUPLED_STEPS, SimulationError
-from ..files.inputs import Kind
+from ..files.tables import Kind
 from ..files.toml_files import Axes, Name, NotNegative, Table, different, read_toml, validated
 
 # FMU instances; a dot parts them from their variables.

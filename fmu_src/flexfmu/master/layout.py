@@ -14,7 +14,7 @@ import numpy as np
 from fmpy.model_description import BaseUnit, ModelVariable
 
 from ..files.basics import BoolArray, FloatArray, IntArray, SimulationError, nearest
-from ..files.inputs import Kind, check_input
+from ..files.tables import Kind, check_input
 from .config import StartValue
 
 # What `generationTool` begins with in FMUs of this package.

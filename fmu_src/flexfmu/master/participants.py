@@ -18,7 +18,7 @@ from fmpy.logging import logging as proxy
 
 from ..core.library import library
 from ..files.basics import SimulationError
-from ..files.inputs import check_unpacked
+from ..files.tables import check_unpacked
 from ..files.workers import Worker, WorkerError
 from ..fmu.foreign_host import FAILED, FUNCTIONS, LOGGER, SERVE, Host, Instance, Memory, channel
 from .layout import Role

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..files.basics import FloatArray, IntArray, SimulationError, nearest
+from ..files.basics import QUANTITIES, FloatArray, IntArray, SimulationError, nearest
 from ..files.tables import read_table
 from ..files.toml_files import orthonormal
-from ..files.units import QUANTITIES
 from . import layout
 from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, SpringTable, StartValue
 from .layout import Description

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
-from flexfmu.files.basics import BoolArray, FloatArray, IntArray, MeshError, listed
-from flexfmu.files.units import UNITS, UnitSystem
+from flexfmu.files.basics import UNITS, BoolArray, FloatArray, IntArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.equations import RigidLink, coupled_nodes, merged, without
 from flexfmu.mesh.model import Material, Mesh, hung

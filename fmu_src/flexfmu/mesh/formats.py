@@ -16,9 +16,8 @@ from typing import Any, cast
 import meshio
 from meshio.med import _med
 
-from flexfmu.files.basics import MeshError
-from flexfmu.files.inputs import Kind, check_input
-from flexfmu.files.units import UnitSystem, unit_system
+from flexfmu.files.basics import MeshError, UnitSystem, unit_system
+from flexfmu.files.tables import Kind, check_input
 from flexfmu.files.workers import Worker, WorkerError
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.mesh.in_memory import Contents, from_contents

@@ -9,8 +9,7 @@ import meshio
 import numpy as np
 from meshio._mesh import topological_dimension
 
-from flexfmu.files.basics import FloatArray, IntArray, MeshError, listed
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import FloatArray, IntArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.beams import Beam, with_beams
 from flexfmu.mesh.elements import ASSUMED, ElementBlock, ElementType
 from flexfmu.mesh.equations import MIDDLE, RigidLink, matrix_of, middles

@@ -10,8 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from flexfmu.files.basics import BoolArray, FloatArray, IntArray, listed
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import BoolArray, FloatArray, IntArray, UnitSystem, listed
 from flexfmu.mesh.elements import ElementBlock, FaceBlock, by_block, faces_of, volume_matrices
 from flexfmu.mesh.equations import RigidLink, Simplices
 from flexfmu.mesh.shapes import BRICK

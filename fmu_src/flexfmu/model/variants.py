@@ -1,11 +1,26 @@
-"""Which methods a body has the data for, which one it is used with, and what it then holds in vain."""
+"""Which methods a body has the data for, which one it is used with, and interfaces of a free body that a scene fixes.
 
+A Craig-Bampton basis holds the constraint modes of every interface, so that what is left once G_i q = 0 is the same
+body with the interface as its support: q = N z with N the null space of G_i, and the small eigenproblem makes N
+mass-orthonormal modes again.
+
+Frames of a body hang together as its method has it: as a tree, each by itself, or one for all. The tree is this
+project's; frames by themselves, each about its own joint's linear displacement, are the sub-domains of the method's
+source; one for all is a floating frame of reference.
+"""
+
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
-from ..files.basics import OptionError
+import numpy as np
+
+from ..files.basics import FloatArray, OptionError
+from .arrays import ARRAYS, turned
+from .inertia import without_frames
 from .methods import ASKED_BY, Data, FrameLayout, Mass, Method, Variant, has_frames, masses_of, named, needs, recipe_of
-from .reduced_body import ReducedBody
+from .reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, Surface, WholeFrame
+from .rotations import from_ground, skew
 
 
 def chosen(body: ReducedBody, method: Method | str | None = None, mass: Mass | str | None = None) -> Variant:
@@ -88,3 +103,240 @@ def lean(body: ReducedBody, variant: Variant) -> ReducedBody:
     if Data.SECOND_ORDER not in needed:
         unneeded["membrane"] = None
     return replace(body, method=variant.method, mass=variant.mass, **unneeded)
+
+
+# Relative size of a singular value below which a motion is not held.
+_FREE = 1e-9
+
+
+def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Method) -> ReducedBody:
+    """Fix interfaces of a free body.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    names : collection of str
+        None to leave the body as it is.
+    method : Method
+        What the body will be used with.
+
+    Returns
+    -------
+    ReducedBody
+        With six modes less an interface, and without the floating frame.
+
+    Raises
+    ------
+    OptionError
+        The body has supports, no such interface, or frames that hang on another one.
+    """
+    if not names:
+        return body
+    _check_names(body, names, method)
+    rows = _motions(body, names)
+    turn, squares = _remaining_modes(rows, body.angular_frequency)
+    # Each ratio by its share of the strain energy: one ratio for all modes stays what it is.
+    share = turn**2 * body.angular_frequency[:, None] ** 2 / squares
+    gone = int(body.floating)
+    shapes = turned(body, [entry for entry in ARRAYS["body"] if entry.shape != "m"], turn)
+    of_frames = {entry.name: getattr(body, entry.name) for entry in ARRAYS["body"] if entry.shape.split()[0] == "S"}
+    kept = {name: shapes.get(name, value)[gone:] for name, value in of_frames.items()}
+    kept["frame_parent"] = np.maximum(kept["frame_parent"] - gone, GROUND)
+    return replace(
+        body,
+        angular_frequency=np.sqrt(squares),
+        damping_ratio=share.T @ body.damping_ratio,
+        interface_frame=np.maximum(body.interface_frame - gone, GROUND),
+        frequency_spread=None,
+        watched_frame=None if body.watched_frame is None else np.maximum(body.watched_frame - gone, GROUND),
+        stress_sets=tuple(replace(part, stress=part.stress @ turn) for part in body.stress_sets),
+        root_interface=GROUND,
+        floating=False,
+        polynomial=None,
+        shadow=_shadow_fixed(body, names, turn),
+        **(shapes | kept | _parts_fixed(body, turn, squares)),
+    )
+
+
+def _motions(body: ReducedBody, names: Collection[str]) -> FloatArray:
+    """Displacements and rotations (6k, m) of interfaces."""
+    held = [body.interface_names.index(name) for name in names]
+    result: FloatArray = np.concatenate([body.interface_displacement[held], body.interface_rotation[held]])
+    return result.reshape(6 * len(held), -1)
+
+
+def _shadow_fixed(body: ReducedBody, names: Collection[str], turn: FloatArray) -> Shadow | None:
+    """The shadow with its root interface fixed; frames hang on no other one."""
+    shadow = body.shadow
+    if shadow is None or set(names) != {body.interface_names[body.root_interface]}:
+        return None
+    finer = shadow.body
+    own, _ = _remaining_modes(_motions(finer, names), finer.angular_frequency)
+    return Shadow(with_fixed_interfaces(finer, names, Method.SECOND_ORDER), own.T @ shadow.embedding @ turn)
+
+
+def _check_names(body: ReducedBody, names: Collection[str], method: Method) -> None:
+    """Refuse interfaces that cannot be fixed."""
+    if body.root_interface == GROUND:
+        raise OptionError(
+            f"interface {min(names)!r} cannot be fixed: only a free body with a Craig-Bampton basis lets the scene fix "
+            'interfaces; build it with free = true and basis = "craig_bampton"'
+        )
+    root = body.interface_names[body.root_interface]
+    if has_frames(method) and set(names) != {root}:
+        raise OptionError(
+            f"fixed interfaces are {', '.join(sorted(names))}, but frames hang on {root!r}: expected that one alone; "
+            'set root in the body file, or take method "linear"'
+        )
+
+
+def _parts_fixed(body: ReducedBody, turn: FloatArray, squares: FloatArray) -> dict[str, Any]:
+    """What the body holds besides its own arrays, in the coordinates that are left."""
+    gone = int(body.floating)
+    whole, masses, surface, inertia, second = body.whole, body.masses, body.surface, body.inertia, body.second
+    if whole is not None:
+        whole = replace(whole, **turned(whole, ARRAYS["whole"], turn))
+    if masses is not None:
+        masses = replace(
+            masses, **turned(masses, ARRAYS["masses"], turn), frame=np.maximum(masses.frame - gone, GROUND)
+        )
+    if surface is not None:
+        surface = _surface_fixed(body, surface, turn, gone)
+    if inertia is not None:
+        inertia = without_frames(inertia, turn, gone)
+    if second is not None:
+        second, curvature = _second_order_fixed(body, second, turn)
+        if inertia is not None and curvature is not None and body.inertia is not None:
+            inertia = replace(inertia, curvature=curvature[body.inertia.frame >= gone])
+    return {
+        "whole": whole,
+        "masses": masses,
+        "surface": surface,
+        "inertia": inertia,
+        "second": second,
+        "membrane": None if body.membrane is None else body.membrane.turned(turn, squares),
+    }
+
+
+def _second_order_fixed(
+    body: ReducedBody, second: SecondOrder, turn: FloatArray
+) -> tuple[SecondOrder, FloatArray | None]:
+    """The same motions moved as one so that the root interface stays where it is, seen from the ground, and lumps'."""
+    gone, root = int(body.floating), body.frame_count + body.root_interface
+    lumps = None if body.inertia is None else body.inertia.curvature
+    points = [part for part in (body.masses, None if lumps is None else body.inertia) if part is not None]
+    moved = [body.joint_displacement, body.interface_displacement, *(part.displacement for part in points)]
+    angles = [body.frame_rotation, body.interface_rotation, *(np.zeros_like(part.displacement) for part in points)]
+    places = np.concatenate([body.joint_point, body.interface_point, *(part.point for part in points)])
+    arm = places - body.interface_point[body.root_interface]
+    given = second.displacement, second.rotation
+    if lumps is not None:
+        given = np.concatenate([given[0], lumps]), np.concatenate([given[1], np.zeros_like(lumps)])
+    displacement, rotation = (np.einsum("kiab,ac,bd->kicd", part, turn, turn, optimize=True) for part in given)
+    displacement = displacement - displacement[root] + np.einsum("kij,jab->kiab", skew(arm), rotation[root])
+    rotation = rotation - rotation[root]
+    if body.floating:
+        reference = body.frame_rotation[0] @ turn
+        change = np.concatenate(moved) @ turn + skew(arm) @ reference
+        displacement, rotation = from_ground(
+            displacement, rotation, reference, arm, change, np.concatenate(angles) @ turn
+        )
+    nodes = len(second.displacement)
+    return SecondOrder(displacement[gone:nodes], rotation[gone:nodes]), None if lumps is None else displacement[nodes:]
+
+
+def _surface_fixed(body: ReducedBody, surface: Surface, turn: FloatArray, gone: int) -> Surface:
+    """The surface in the coordinates that are left, moved at second order as the nodes of the tree are."""
+    found = replace(surface.in_coordinates(turn), frame=np.maximum(surface.frame - gone, GROUND))
+    if surface.second is None or surface.form is None or body.second is None:
+        return found
+    root, pivot = body.frame_count + body.root_interface, body.interface_point[body.root_interface]
+    own = np.concatenate([surface.form, -body.second.displacement[root], body.second.rotation[root]])
+    count = len(surface.points)
+    moved = np.broadcast_to(np.eye(3), (count, 3, 3))
+    return replace(
+        found,
+        second=np.concatenate([surface.second, moved, skew(surface.points - pivot)], axis=2),
+        form=np.einsum("rab,ac,bd->rcd", own, turn, turn, optimize=True),
+        turn=body.frame_rotation[:1] @ turn if body.floating else None,
+        pivot=pivot[None] if body.floating else None,
+        piece=np.zeros(count, dtype=np.int64) if body.floating else None,
+    )
+
+
+def _remaining_modes(held: FloatArray, angular_frequency: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Modes (m, m - h) that leave the rows (h, m) at zero, orthonormal, and their squared frequencies."""
+    count = held.shape[0]
+    if count >= angular_frequency.size:
+        raise OptionError(f"fixing {count} coordinates leaves none of the body's {angular_frequency.size} modes")
+    size = np.linalg.norm(held, axis=1, keepdims=True)
+    _, values, turn = np.linalg.svd(held / np.where(size > 0.0, size, 1.0))
+    if values[-1] < _FREE * values[0]:
+        raise OptionError("the interfaces to be fixed depend on each other; fix fewer of them")
+    turn = turn[count:].T
+    squares, small = np.linalg.eigh(turn.T @ (angular_frequency[:, None] ** 2 * turn))
+    if squares[0] <= 0.0:
+        raise OptionError("the body can still move freely with these interfaces fixed; fix one more")
+    return turn @ small, squares
+
+
+def with_frame_layout(body: ReducedBody, method: Method) -> ReducedBody:
+    """The body with its frames as a method has them.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    method : Method
+
+    Returns
+    -------
+    ReducedBody
+
+    Raises
+    ------
+    OptionError
+        The body does not hold the frame of the whole.
+    """
+    layout = recipe_of(method).layout
+    # A floating frame counts: the method has it alone.
+    if layout is FrameLayout.TREE or body.frame_count < 2:
+        return body
+    if layout is FrameLayout.SEPARATE:
+        # Of a free body all frames hang on the floating one.
+        parent = np.full(body.frame_count, 0 if body.floating else GROUND)
+        if body.floating:
+            parent[0] = GROUND
+        return replace(body, frame_parent=parent)
+    return _as_one(body)
+
+
+def _as_one(body: ReducedBody) -> ReducedBody:
+    """The body on one frame: its floating frame, or that of the whole body about its supports."""
+    name, whole = "whole", body.whole
+    if body.floating:
+        name = body.frame_names[0]
+        whole = WholeFrame(
+            body.joint_point[0], body.joint_displacement[0], body.joint_rotation[0], body.frame_rotation[0]
+        )
+    if whole is None:
+        raise OptionError("the method needs the whole body's frame, which this modal file does not hold")
+    masses, surface = body.masses, body.surface
+    if masses is not None:
+        masses = replace(masses, frame=np.zeros_like(masses.frame))
+    if surface is not None:
+        surface = replace(surface, frame=np.zeros_like(surface.frame))
+    return replace(
+        body,
+        frame_names=(name,),
+        frame_parent=np.array([GROUND]),
+        joint_point=whole.joint_point[None],
+        joint_displacement=whole.joint_displacement[None],
+        joint_rotation=whole.joint_rotation[None],
+        frame_rotation=whole.frame_rotation[None],
+        interface_frame=np.zeros_like(body.interface_frame),
+        masses=masses,
+        surface=surface,
+        inertia=None,
+        second=None,
+        membrane=None,
+    )

@@ -13,7 +13,6 @@ import numpy as np
 from ..core.interface import DESCRIPTION, shared, symbols
 from ..core.library import Core
 from ..files.basics import FloatArray, ModalFileError, OptionError
-from ..model.fixing import with_fixed_interfaces, with_frame_layout
 from ..model.methods import (
     ASKED_BY,
     Data,
@@ -28,7 +27,7 @@ from ..model.methods import (
     recipe_of,
 )
 from ..model.reduced_body import GROUND, ReducedBody
-from ..model.variants import chosen, offered
+from ..model.variants import chosen, offered, with_fixed_interfaces, with_frame_layout
 from .mechanics import PLACEMENT, Draft, advice, mechanics, texts
 from .variable_table import Variable, variable_table
 

@@ -10,9 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..fe.assembly import Unknowns, unknowns
-from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray, ModelError, listed
+from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray, ModelError, UnitSystem, listed
 from ..files.toml_files import orthonormal
-from ..files.units import UnitSystem
 from ..mesh.checks import connected_parts, linked_pieces, without_mechanisms
 from ..mesh.equations import simplex
 from ..mesh.model import NO_MATERIAL, Material, Mesh, SpringDamper

@@ -10,8 +10,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray, listed
-from ..files.units import UnitSystem
+from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray, UnitSystem, listed
 from ..mesh.model import Mesh
 from ..model.methods import DEFAULT, Data, Variant
 from ..model.reduced_body import Properties

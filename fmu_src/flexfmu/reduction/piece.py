@@ -8,12 +8,21 @@ import numpy as np
 
 from ..fe.gradients import point_stress, stress_jumps
 from ..files.basics import FloatArray, plural
-from ..files.progress import Reporter
+from ..files.outputs import Reporter
 from ..files.store import Store, content_key
 from ..model.inertia import LumpedMass, Membrane
 from ..model.methods import Data, Mass, has_frames
 from ..model.reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, StressSet, Surface, Ties
-from .basis import Matrices, completed_basis, modal_basis, stiffness_by_load, stiffness_by_mode
+from .basis import (
+    Matrices,
+    buckling_loads,
+    completed_basis,
+    modal_basis,
+    stiffness_by_load,
+    stiffness_by_mode,
+    third_order_loads,
+    with_third_order,
+)
 from .bodies import (
     THIRD_LEAST,
     THIRD_MOST,
@@ -38,7 +47,6 @@ from .rigid_fit import by_node, modal_fit
 from .second_order import node_readings, second_order
 from .subdomains import FrameOperators, Subdomain, carrying_frame, frame_operators
 from .surface import body_surface, second_order_fields, surface_nodes
-from .third_order import buckling_loads, third_order_loads, with_third_order
 from .watched import watched_material
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.

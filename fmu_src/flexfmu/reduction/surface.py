@@ -6,7 +6,7 @@ import numpy as np
 
 from ..fe.gradients import nodal_stress, quadratic_strain
 from ..files.basics import FloatArray, IntArray
-from ..files.progress import tell_nobody
+from ..files.outputs import tell_nobody
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND, Surface
 from .subdomains import Subdomain

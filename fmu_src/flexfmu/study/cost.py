@@ -9,7 +9,7 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import Loads
 from ..files.basics import FloatArray, RuntimeBodyError
-from ..files.progress import Reporter
+from ..files.outputs import Reporter
 from ..model.methods import Method, Variant
 from ..model.reduced_body import ReducedBody
 from ..model.variants import offered_variants

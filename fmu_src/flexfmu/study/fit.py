@@ -9,8 +9,7 @@ from pathlib import Path
 from ..build.config import read_body_file
 from ..build.reduce import read_body_model
 from ..files.basics import AccuracyError, BodyFileError, RuntimeBodyError, plural
-from ..files.outputs import check_target, whole_file
-from ..files.progress import Reporter
+from ..files.outputs import Reporter, check_target, whole_file
 from ..files.store import Store
 from ..fmu.package import package_fmu
 from ..model.methods import Mass, Method, Variant, has_frames, masses_of

@@ -14,7 +14,7 @@ from ..build.config import BodyFile, read_body_file
 from ..build.tables import FormulationTable
 from ..core.interface import parameter
 from ..files.basics import BodyFileError, EquilibriumError, plural
-from ..files.progress import Reporter
+from ..files.outputs import Reporter
 from ..files.store import Store
 from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen

@@ -20,8 +20,7 @@ from ..body.flexible_body import FlexibleBody
 from ..build.reduce import reduce_body
 from ..core.library import library_path
 from ..files.basics import FloatArray, RuntimeBodyError
-from ..files.outputs import PICTURE_SUFFIXES, check_target
-from ..files.progress import Reporter
+from ..files.outputs import PICTURE_SUFFIXES, Reporter, check_target
 from ..files.store import Store
 from ..fmu.python_slave import BodySlave, SlaveError, core_file
 from ..model.methods import Mass, Variant, has_frames

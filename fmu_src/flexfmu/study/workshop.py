@@ -20,7 +20,7 @@ from ..build.config import BodyFile
 from ..build.reduce import reduce_body
 from ..core.interface import parameter
 from ..files.basics import FlexfmuError, FloatArray, RuntimeBodyError
-from ..files.progress import Reporter
+from ..files.outputs import Reporter
 from ..files.store import REUSED, Store
 from ..model.arrays import ARRAYS, turned
 from ..model.methods import Mass, Variant

@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..files.basics import FloatArray, IntArray
-from ..files.progress import Reporter
-from ..files.units import UnitSystem
+from ..files.basics import FloatArray, IntArray, UnitSystem
+from ..files.outputs import Reporter
 from ..mesh.checks import checked
 from ..mesh.formats import read_mesh
 from ..mesh.model import Mesh

@@ -13,7 +13,7 @@ from ..body.recovery import surface_data, surface_of, surface_von_mises
 from ..core.binaries import web_core
 from ..core.interface import DESCRIPTION
 from ..files.basics import FlexfmuError, FloatArray, IntArray, OptionError, plural
-from ..files.progress import Reporter
+from ..files.outputs import Reporter
 from ..model.reduced_body import GROUND
 from ..program.compile import programs, with_guid
 from ..program.variable_table import variable_table

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfmu.files.basics import BoolArray, DeckError, FloatArray, IntArray, MeshError, listed
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import BoolArray, DeckError, FloatArray, IntArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.beams import Beam, with_beams
 from flexfmu.mesh.decks import structures
 from flexfmu.mesh.decks.assembly import Assembly

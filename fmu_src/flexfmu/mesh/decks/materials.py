@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfmu.files.basics import FloatArray, IntArray, listed
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import FloatArray, IntArray, UnitSystem, listed
 from flexfmu.mesh.checks import is_likely_density
 from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
 from flexfmu.mesh.decks.orientation import Orientation, orientation

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfmu.files.basics import IntArray, listed
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import IntArray, UnitSystem, listed
 from flexfmu.mesh.decks.cards import FLAT, Card, Line, Scope, fields, integer
 from flexfmu.mesh.decks.geometry import Element, Elements, NodeTable
 

@@ -7,8 +7,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from flexfmu.files.basics import FloatArray, IntArray, MeshError, listed
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import FloatArray, IntArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.beams import Beam, CrossSection, box, ellipse, i_section, l_section, pipe, rectangle
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.geometry import ElementTable

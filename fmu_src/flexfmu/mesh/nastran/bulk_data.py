@@ -13,8 +13,7 @@ from typing import Any
 import meshio
 import numpy as np
 
-from flexfmu.files.basics import IntArray, MeshError, listed
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import IntArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.elements import ASSUMED
 from flexfmu.mesh.in_memory import Contents, Member, cells_of
 from flexfmu.mesh.model import NO_MATERIAL, Material

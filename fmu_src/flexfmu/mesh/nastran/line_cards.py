@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfmu.files.basics import FloatArray, IntArray, MeshError
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import FloatArray, IntArray, MeshError, UnitSystem
 from flexfmu.mesh import beams
 from flexfmu.mesh.beams import Beam, CrossSection, channel, i_section
 from flexfmu.mesh.model import Along, SpringDamper, springs_note, unit_of

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfmu.files.basics import FloatArray, MeshError, listed
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import FloatArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.equations import RigidLink
 from flexfmu.mesh.model import PointMass, masses_note
 

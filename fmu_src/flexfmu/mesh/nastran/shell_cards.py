@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flexfmu.files.basics import FloatArray, MeshError, listed
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import FloatArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.model import Material, isotropic_average, laminate
 from flexfmu.mesh.nastran.line_cards import basic
 from flexfmu.mesh.nastran.node_cards import lines_of

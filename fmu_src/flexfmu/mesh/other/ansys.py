@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import meshio
 import numpy as np
 
-from flexfmu.files.basics import FloatArray, IntArray, MeshError, listed
-from flexfmu.files.units import UnitSystem
+from flexfmu.files.basics import FloatArray, IntArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.beams import Beam, CrossSection, box, ellipse, i_section, l_section, pipe, rectangle
 from flexfmu.mesh.in_memory import Contents, Member, cells_of
 from flexfmu.mesh.model import Material

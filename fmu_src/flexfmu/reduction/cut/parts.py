@@ -9,7 +9,7 @@ import scipy.linalg
 
 from ...fe.gradients import mean_spin
 from ...files.basics import BodyFileError, FloatArray, IntArray, plural
-from ...files.progress import Reporter
+from ...files.outputs import Reporter
 from ...files.store import Store, content_key
 from ...mesh.model import Mesh
 from ...model.reduced_body import ReducedBody, Shadow

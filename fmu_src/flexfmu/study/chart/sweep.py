@@ -14,7 +14,7 @@ from typing import Any
 
 from ...body.flexible_body import FlexibleBody
 from ...files.basics import AccuracyError, RuntimeBodyError, SimulationError, plural
-from ...files.progress import Reporter
+from ...files.outputs import Reporter
 from ...files.store import Store
 from ...model.methods import Mass, Method, has_frames
 from ...model.modal_file import write_modal_file

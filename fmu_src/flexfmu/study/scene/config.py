@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from ...files.basics import MOST_FRAMES, MOST_MODES, MOST_STEPS, FlexfmuError
-from ...files.inputs import Kind
+from ...files.tables import Kind
 from ...files.toml_files import Name, Positive, Table, ascending, different, read_toml, validated
 from ...model.methods import Mass, Method
 

@@ -19,7 +19,7 @@ from ...build.config import BodyFile
 from ...build.reduce import reduce_body
 from ...build.tables import FormulationTable, ReductionTable
 from ...files.basics import MOST_FRAMES, EquilibriumError, FloatArray, RuntimeBodyError, StepError
-from ...files.progress import Reporter, Stages, Tell, tell_nobody
+from ...files.outputs import Reporter, Stages, Tell, tell_nobody
 from ...files.store import Store, content_key
 from ...model.methods import Mass, Method
 from .config import AcceptedTable, SceneError

@@ -10,8 +10,7 @@ import numpy as np
 from ...body.loads import Loads
 from ...build.config import BodyFile, read_body_file
 from ...files.basics import FloatArray
-from ...files.inputs import Kind, check_input
-from ...files.tables import read_table
+from ...files.tables import Kind, check_input, read_table
 from ...program.variable_table import ACCELERATION
 from .config import SceneError, SceneFile, TransientTable, check_steps, read_scene_file
 

@@ -10,7 +10,7 @@ from ...build.config import BodyFile
 from ...build.reduce import BodyModel, read_body_model
 from ...fe.nonlinear import load_path
 from ...files.basics import AccuracyError, FloatArray
-from ...files.progress import Reporter
+from ...files.outputs import Reporter
 from ...files.store import Store, content_key
 from ...model.rotations import exponential, rotation_vector
 from ...reduction.basis import Matrices
