@@ -325,15 +325,13 @@ def test_a_coarse_sweep_is_drawn_first_and_the_front_s_neighbours_come_next(bent
     rows = sweep(scene, tmp_path / "r.csv", Reporter(), store, False, None, False, looks.append)
     total = len(candidates(scene))
     tried = [int(words.removeprefix("coarse: ").split()[0]) for words in looks]
+    # Drawn once it has begun, and when it is done.
     assert looks[0] == f"coarse: {tried[0]} of {total} models"
-    assert tried == sorted(tried)
+    assert len(looks) == 2
     assert tried[0] <= 10 < tried[-1] == len(rows) < total
-    # What takes long is drawn again and again, whole or not.
-    monkeypatch.setattr(sweeping, "_PAUSE", 0.0)
     looks.clear()
     everything = sweep(scene, tmp_path / "all.csv", Reporter(), store, fmu=False, look=looks.append)
-    assert len(looks) > 3
-    assert looks[-1] == f"{total} of {total} models"
+    assert looks == [f"{total} of {total} models"]
     assert recommended(rows, cost_axis(rows)).key == recommended(everything, cost_axis(everything)).key
 
 
@@ -347,13 +345,14 @@ def test_half_of_the_models_find_the_front_of_all_of_them(demo):
     assert len(more) == 10
     while more - tried:
         tried |= more
-        more = {model.key for model in grid.around(members([rows[key] for key in tried]))}
+        more = {model.key for model in grid.around(members([rows[key] for key in tried], scene.file.tolerance))}
     every = [row for row in rows.values() if row.status == "ok"]
     some = [row for row in every if row.key in tried]
     assert len(tried) <= 0.5 * len(rows)
     taken = [recommended(of, RATIO) for of in (some, every)]
     assert taken[0] is taken[1]
-    missed = {row.key for row in front(every, "share", RATIO)} - tried
+    # What is ten times as accurate as asked for is not looked around.
+    missed = {row.key for row in front(every, "share", RATIO) if row.share > 0.1} - tried
     assert not missed
 
 

@@ -120,7 +120,7 @@ def test_another_support_material_or_number_of_modes_takes_nothing(store):
         assert build(store, **changes)[1] == []
     mesh = read_body_file(BEAM / "body.toml").mesh
     softer = (BEAM / "beam.inp").read_text(encoding="utf-8").replace("7850", "7851")
-    path = store._folder / "softer.inp"
+    path = store.folder / "softer.inp"
     path.write_text(softer, encoding="utf-8")
     assert build(store, mesh=mesh.model_copy(update={"file": path}))[1] == []
 
@@ -135,7 +135,7 @@ def test_geometric_stiffness_is_kept_with_its_modes_and_loads(store):
 
 
 def kept_entry(store):
-    (entry,) = (one for one in store._folder.glob("*.npz") if "angular_frequency" in np.load(one).files)
+    (entry,) = (one for one in store.folder.glob("*.npz") if "angular_frequency" in np.load(one).files)
     return entry
 
 
@@ -157,7 +157,7 @@ def forged(store):
 def of_another_body(store):
     """A sound entry under a name that is not its own."""
     entry = kept_entry(store)
-    other = Store(store._folder / "other")
+    other = Store(store.folder / "other")
     build(other, support=[SupportTable(nodes="ROOT", stiffness=[1e7, 1e7, 1e7])])
     kept_entry(other).replace(entry)
 

@@ -1,9 +1,11 @@
 """The pipeline: mesh → model → modes → interfaces and frames → reduced body → FMU."""
 
 import hashlib
+import pickle
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -126,10 +128,11 @@ def reduce_body(
     -------
     ReducedBody
     """
-    file = config.mesh.file
+    file, origin, store = config.mesh.file, file_origin(config.mesh.file), store or Store()
     with report.stage(f"Read {file.name}"):
-        mesh = read_mesh(file, config.mesh.units, config.shells, config.mesh.timeout)
-    return reduce_mesh(mesh, config, file_origin(file), report, store, levels)
+        read = partial(read_mesh, file, config.mesh.units, config.shells, config.mesh.timeout)
+        mesh = store.last("mesh", repr((origin, config.mesh, config.shells)), read)
+    return reduce_mesh(mesh, config, origin, report, store, levels)
 
 
 @in_one_thread
@@ -151,7 +154,7 @@ def reduce_mesh(
         Where the mesh is from, for the body's provenance.
     report : Reporter
     store : Store, optional
-        Where modes and the like are kept from build to build; default: nowhere.
+        Where modes and the like are kept from build to build, and the model itself; default: nowhere.
     levels : int, optional
         Frames of a body whose file does not tell their number.
 
@@ -166,15 +169,13 @@ def reduce_mesh(
     """
     with report.stage("Check the mesh"):
         prepared = body_model(mesh, config)
-        options, model = replace(prepared.options, levels=levels or prepared.options.levels), prepared.model
+        options, store = replace(prepared.options, levels=levels or prepared.options.levels), store or Store()
+        model = store.last("model", hashlib.sha256(pickle.dumps(prepared.model)).hexdigest(), lambda: prepared.model)
         mesh, properties = model.mesh, _properties(options, model)
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     for text in (*mesh.notes, *map(" ".join, summary(properties))):
         report.note(text)
-    _tell_doubts(mesh, options, report)
-    if prepared.unused_material:
-        report.warning("[material] is not used: the mesh file gives every element a material; take one of them out")
-    store = store or Store()
+    _tell_doubts(mesh, options, prepared.unused_material, report)
     options, model = chosen_cuts(options, model, report, store)
     if options.cuts:
         body, _, fine = reduced_parts(options, model, report, store)
@@ -183,7 +184,9 @@ def reduce_mesh(
         body, fine = piece.body, [] if piece.fine is None else [(piece.fine, np.eye(piece.body.mode_count))]
     if fine:
         with report.stage("Find how mass changes as the body bends"):
-            body = replace(body, polynomial=mass_polynomial(fine))
+            kept, key = model.mesh.kept, ("polynomial", *(id(part) for part, _ in fine))
+            kept[key] = kept.get(key) or (fine, mass_polynomial(fine))
+            body = replace(body, polynomial=kept[key][1])
     use = replace(config.use, provenance=_provenance(config, mesh, origin), properties=properties)
     if use.variant.mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
         use = replace(use, variant=Variant(use.variant.method))
@@ -219,12 +222,14 @@ def _properties(options: BodyOptions, model: Model) -> Properties:
     )
 
 
-def _tell_doubts(mesh: Mesh, options: BodyOptions, report: Reporter) -> None:
+def _tell_doubts(mesh: Mesh, options: BodyOptions, unused_material: bool, report: Reporter) -> None:
     """Say what is hardly meant, and what may be wrong."""
     for text in (*implausible(mesh, options.units), *distant_points(mesh, options)):
         report.doubt(text)
     for text in stretch_free(mesh):
         report.warning(text)
+    if unused_material:
+        report.warning("[material] is not used: the mesh file gives every element a material; take one of them out")
 
 
 def _tell(config: BodySpec, body: ReducedBody, report: Reporter) -> None:

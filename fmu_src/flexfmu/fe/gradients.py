@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from ..files.basics import BoolArray, FloatArray, IntArray, ModelError
 from ..files.outputs import tell_nobody
 from ..mesh.elements import ElementBlock, ElementType
-from ..mesh.model import Mesh
+from ..mesh.model import Mesh, once
 from ..mesh.shapes import LINEAR
 from .assembly import CHUNK, elastic_cells, scatter, summed
 from .layers import Cells, cells, turning
@@ -326,6 +326,7 @@ def nodal_stress(mesh: Mesh, nodes: IntArray, fields: FloatArray) -> FloatArray:
     return total / np.maximum(met, 1.0)[:, None, None]
 
 
+@once
 def stress_jumps(mesh: Mesh, field: FloatArray, held: BoolArray | None = None) -> float:
     """Share of a field's strain energy in what its stress differs from the same with nodal means, linear between them.
 

@@ -213,7 +213,7 @@ def default_folder() -> Path | None:
 
 
 class Store:
-    """A folder of results by key; without one nothing is kept.
+    """A folder of results by key, without one nothing is kept there; and in memory what was made last.
 
     Parameters
     ----------
@@ -221,7 +221,15 @@ class Store:
     """
 
     def __init__(self, folder: Path | None = None):
-        self._folder = folder
+        self.folder = folder
+        self._last: dict[str, tuple[str, Any]] = {}
+
+    def last(self, kind: str, key: str, make: Callable[[], Any]) -> Any:
+        """What was made last of a kind, if it was for this key; else make it: there is room for one factorisation."""
+        if self._last.get(kind, ("",))[0] != key:
+            self._last.pop(kind, None)
+            self._last[kind] = key, make()
+        return self._last[kind][1]
 
     def arrays(
         self, key: str, what: str, report: Reporter, make: Callable[[], Mapping[str, FloatArray]]
@@ -252,7 +260,7 @@ class Store:
         return made
 
     def _path(self, key: str) -> Path | None:
-        return None if self._folder is None else self._folder / f"{key}.npz"
+        return None if self.folder is None else self.folder / f"{key}.npz"
 
     def _read(self, key: str) -> dict[str, FloatArray] | None:
         """Arrays of an entry: None where there is none, nothing where it is damaged or not what it says."""

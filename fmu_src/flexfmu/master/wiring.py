@@ -118,10 +118,7 @@ def _group(description: Description, name: str) -> bool:
 
 
 def lay_ends(
-    ends: tuple[str, ...],
-    descriptions: Mapping[str, Description],
-    input_place: Places,
-    signal_place: Places,
+    ends: tuple[str, ...], descriptions: Mapping[str, Description], input_place: Places, signal_place: Places
 ) -> layout.Ends:
     """Places of the ends' variables.
 
@@ -152,9 +149,7 @@ def lay_ends(
 
 
 def lay_responses(
-    descriptions: Mapping[str, Description],
-    fed_place: Places,
-    signal_place: Places,
+    descriptions: Mapping[str, Description], fed_place: Places, signal_place: Places
 ) -> tuple[layout.EndResponse, ...]:
     """Compliance that FMUs offer of interfaces whose motion the coupling reads to those that it loads.
 

@@ -398,13 +398,7 @@ def _sections(
 
 
 def _supports(
-    fixed: BoolArray,
-    turning: BoolArray,
-    uses: _Uses,
-    nodes: IntArray,
-    corners: IntArray,
-    half: FloatArray,
-    count: int,
+    fixed: BoolArray, turning: BoolArray, uses: _Uses, nodes: IntArray, corners: IntArray, half: FloatArray, count: int
 ) -> tuple[BoolArray, list[dict[int, float]]]:
     """Translations (count, 3) held at zero, and equations for what is held of beams' nodes (k,) otherwise."""
     held, rows = np.zeros((count, 3), dtype=bool), []

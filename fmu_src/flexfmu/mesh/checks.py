@@ -192,7 +192,7 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
     dropped = mesh.labels[~used]
     notes = [f"{len(dropped)} nodes that no element uses are left out: {listed(dropped)}"]
     node_sets = {name: rows[members[used[members]]] for name, members in mesh.node_sets.items()}
-    if emptied := _emptied(mesh.node_sets, node_sets):
+    if emptied := [name for name, left in node_sets.items() if len(mesh.node_sets[name]) and not len(left)]:
         notes.append(f"node sets that hold none but such nodes are empty now: {listed(emptied)}")
     equations = mesh.equations
     if equations is not None:
@@ -216,10 +216,6 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
             if used[one.nodes].any()
         ),
     )
-
-
-def _emptied(before: Mapping[str, IntArray], after: Mapping[str, IntArray]) -> list[str]:
-    return [name for name, members in after.items() if len(before[name]) and not len(members)]
 
 
 # Longest side, m: flexible bodies from a flexure hinge to a rotor blade.

@@ -275,7 +275,8 @@ def recognised(points: FloatArray, equations: sp.csr_array) -> tuple[tuple[Rigid
             continue
         columns = (3 * nodes[:, None] + np.arange(3)).ravel()
         own = np.linalg.matrix_rank(equations[rows][:, columns].toarray())
-        if columns.size - own == _rigid_motions(points[nodes]):
+        # Independent rigid motions that so many points show.
+        if columns.size - own == (0, 3, 5, 6, 6)[simplex(points[nodes], np.arange(nodes.size))[0].size]:
             links.append(RigidLink(f"equations of {nodes.size} nodes", nodes))
             kept[rows] = False
     return tuple(links), sp.csr_array(equations[np.flatnonzero(kept)])
@@ -294,11 +295,6 @@ def effects(points: FloatArray, equations: sp.csr_array) -> tuple[BoolArray, Boo
     turned = np.abs(slope - slope.swapaxes(1, 2)).max(axis=(1, 2))
     of_rigid = (moved <= limit / max(float(np.abs(centred).max()), 1e-300)) & (turned <= limit)
     return of_rigid, of_rigid & (np.abs(slope).max(axis=(1, 2)) > limit)
-
-
-def _rigid_motions(points: FloatArray) -> int:
-    """How many independent rigid motions points (k, 3) show."""
-    return (0, 3, 5, 6, 6)[simplex(points, np.arange(len(points)))[0].size]
 
 
 def simplex(points: FloatArray, nodes: IntArray) -> tuple[IntArray, FloatArray]:

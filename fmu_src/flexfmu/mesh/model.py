@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cached_property
-from typing import Any, NamedTuple
+from functools import cached_property, wraps
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,6 +15,7 @@ from flexfmu.mesh.elements import ElementBlock, FaceBlock, by_block, faces_of, v
 from flexfmu.mesh.equations import RigidLink, Simplices
 from flexfmu.mesh.shapes import BRICK
 
+F = TypeVar("F", bound=Callable[..., Any])
 NO_MATERIAL = -1
 SECTION_SHARES = 0.5 * np.array([[1.0, x, y, x * y] for x, y in BRICK.corners[:4, :2].tolist()])
 """Displacements of the corners of a beam's section by their mean, both slopes and twist."""
@@ -313,7 +314,7 @@ class Mesh:
         return int(self.starts[-1])
 
     @cached_property
-    def kept(self) -> dict[str, Any]:
+    def kept(self) -> dict[object, Any]:
         """What is kept beside the mesh as long as there is one, by name."""
         return {}
 
@@ -371,6 +372,19 @@ class Mesh:
     def by_block(self, elements: IntArray) -> Iterator[tuple[ElementBlock, IntArray]]:
         """Each block that has some of the elements, counted over all blocks, and their places in it."""
         return by_block(self.blocks, elements)
+
+
+def once(find: F) -> F:
+    """What a function of a mesh finds for arrays and numbers is kept beside the mesh; nobody alters it."""
+
+    @wraps(find)
+    def kept(mesh: Mesh, *given: Any) -> Any:
+        key = find.__qualname__, *(one.tobytes() if isinstance(one, np.ndarray) else one for one in given)
+        if key not in mesh.kept:
+            mesh.kept[key] = find(mesh, *given)
+        return mesh.kept[key]
+
+    return cast(F, kept)
 
 
 def hung(mesh: Mesh, moved: Callable[[IntArray], IntArray]) -> dict[str, Any]:

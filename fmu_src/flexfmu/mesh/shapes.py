@@ -163,10 +163,7 @@ def _powers(dimension: int, wanted: Callable[..., bool]) -> IntArray:
 
 _TRIANGLE = Polytope(np.array([(0, 0), (1, 0), (0, 1)], dtype=float), "CTRIA", "TRI", ((0, 1), (1, 2), (2, 0)))
 _RECTANGLE = Polytope(
-    np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float),
-    "CQUAD",
-    "QUA",
-    ((0, 1), (1, 2), (2, 3), (3, 0)),
+    np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float), "CQUAD", "QUA", ((0, 1), (1, 2), (2, 3), (3, 0))
 )
 TETRAHEDRON = Polytope(
     np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype=float),

@@ -56,8 +56,6 @@ class Matrices:
 
     def __init__(self, model: Model, report: Reporter, store: Store | None = None):
         self.model, self.report, self.store = model, report, store or Store()
-        # Of this one and of its quiet copies.
-        self._supported: list[Supported] = []
 
     @property
     def quiet(self) -> "Matrices":
@@ -86,9 +84,8 @@ class Matrices:
     @property
     def supported(self) -> Supported:
         """Both without the supports, factorised when first needed: where all is kept they never are."""
-        if not self._supported:
-            self._supported.append(self._factorised())
-        return self._supported[0]
+        found: Supported = self.store.last("factors", self.key, self._factorised)
+        return found
 
     def _factorised(self) -> Supported:
         model = self.model

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from ..files.basics import BodyFileError, FloatArray, IntArray, MeshError
 from ..mesh.elements import FaceBlock
 from ..mesh.equations import coupled_nodes
-from ..mesh.model import Mesh
+from ..mesh.model import Mesh, once
 from ..model.reduced_body import GROUND
 from .subdomains import Subdomain, mean_rotation, section, volume_weighted
 
@@ -67,6 +67,7 @@ class Joints:
     joints: tuple[float, ...]
 
 
+@once
 def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
     """Shortest way from the sources to each node, from node to node within elements.
 
@@ -100,6 +101,7 @@ def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
     return dijkstra(graph, directed=False, indices=sources, min_only=True)
 
 
+@once
 def divide(mesh: Mesh, supported: IntArray, levels: int) -> Division:
     """Divide a body into sub-domains by levels of the distance from its supports.
 
@@ -226,6 +228,7 @@ def _corner_areas(at: FloatArray) -> FloatArray:
     return 0.5 * np.linalg.norm(edges, axis=1)
 
 
+@once
 def linked(mesh: Mesh) -> sp.csr_array:
     """Elements that share a face, or whose outer faces equations join, (e, e) with the area in common."""
     link = neighbours(mesh.points, mesh.faces, mesh.element_count)

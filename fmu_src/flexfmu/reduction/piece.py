@@ -1,5 +1,6 @@
 """A body in one piece, or a part of a cut one: model → modes → interfaces and frames → reduced body."""
 
+import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -225,13 +226,18 @@ def _fine_tree(divided: _Divided, basis: _Basis, membrane: Membrane | None) -> R
         config, levels=_FINE, levels_asked=False, frames=(), branches=(), acceleration=False,
         interfaces=config.interfaces[:1], stored=config.stored | {Data.SECOND_ORDER},
     )  # fmt: skip
+    kept = divided.model.mesh.kept
+    key = "fine tree", basis.key, pickle.dumps((config.name, alone.interfaces, config.cuts, membrane))
+    if key in kept:
+        return kept[key]
     found = _divided(alone, model, Reporter(), (), divided.cut)
     frames = frame_operators(model.mesh.points, basis.modes.shapes, found.subdomains)
     own = replace(basis, frames=frames, matrices=basis.matrices.quiet)
     inertia, centres = _lumped(found, own)
     second, curvature = _second_order(found, own, centres)
     inertia = inertia and replace(inertia, curvature=curvature)
-    return _made(found, own, second=second, membrane=membrane, inertia=inertia)
+    kept[key] = _made(found, own, second=second, membrane=membrane, inertia=inertia)
+    return kept[key]
 
 
 def _with_modes(divided: _Divided, matrices: Matrices, every: FloatArray) -> _Basis:

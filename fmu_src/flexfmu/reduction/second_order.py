@@ -197,12 +197,6 @@ def _warping(points: FloatArray, shapes: FloatArray, domain: Subdomain, angle: F
     return float(np.sqrt((moved**2).sum(axis=(1, 2)).mean()) / (radius * np.linalg.norm(angle)))
 
 
-def _relieved(mesh: Mesh, fields: FloatArray, shapes: FloatArray, bushings: Bushings) -> FloatArray:
-    """Work (l, m, m) of the initial strains, and of the bushings' own, on the stress of fields (3n, l)."""
-    own = np.tensordot((bushings.rows @ fields).T, bushings.curvature(shapes), axes=1)
-    return -geometric_stiffness(mesh, fields, shapes) - own
-
-
 def second_order(
     mesh: Mesh,
     model: Supported,
@@ -237,7 +231,9 @@ def second_order(
     fields = model.whole(model.static(model.forces(loads)))
     elastic = shapes.copy()
     elastic[:, rigid] = 0.0
-    motion = _relieved(mesh, fields, elastic, bushings).reshape(len(readings), 2, 3, modes, modes)
+    # Work of the initial strains, and of the bushings' own, on the stress of the fields.
+    own = np.tensordot((bushings.rows @ fields).T, bushings.curvature(elastic), axes=1)
+    motion = (-geometric_stiffness(mesh, fields, elastic) - own).reshape(len(readings), 2, 3, modes, modes)
     displacement, rotation = motion[:, 0], motion[:, 1]
     angles = np.array([reading.angle for reading in readings])
     bent = angles.copy()

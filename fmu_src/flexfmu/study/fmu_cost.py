@@ -1,7 +1,7 @@
 """What a step costs through the FMU, against an empty FMU of the same variables driven in turns with it.
 
-A body is packaged once for all methods of one mass whose data it holds: they are chosen by the FMU's parameter
-`method`. The FMUs live in one process beside this one (`fmu_worker`).
+A body is packaged once for all methods of one mass whose data it holds, and for those that know constant mass alone:
+they are chosen by the FMU's parameter `method`. The FMUs live in one process beside this one (`fmu_worker`).
 """
 
 import tempfile
@@ -18,7 +18,7 @@ from ..body.flexible_body import StepLimits
 from ..files.basics import SimulationError
 from ..files.workers import Worker, WorkerError
 from ..fmu.package import package_fmu
-from ..model.methods import Mass, Variant
+from ..model.methods import Mass, Variant, masses_of
 from ..model.reduced_body import ReducedBody
 from ..program.variable_table import ACCELERATION, METHOD, STEP_LIMIT, STEP_TOLERANCE
 from .fmu_worker import answering, load, timed
@@ -101,6 +101,9 @@ class FmuTimer:
 
     def _ready(self, body: ReducedBody, variant: Variant) -> tuple[str, str]:
         """Names of a body's FMU and of its empty companion in the process that runs them."""
+        # Methods that know no polynomial have constant mass in the FMU of one.
+        if (variant.mass, body.mass) == (Mass.CONSTANT, Mass.POLYNOMIAL) and body.mass not in masses_of(variant.method):
+            variant = Variant(body.method, body.mass)
         key = id(body), variant.mass
         if key not in self._loaded:
             self._count += 1

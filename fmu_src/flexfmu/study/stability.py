@@ -192,7 +192,7 @@ def mapped_models(scene: Scene) -> list[Candidate | None]:
     """
     sweep, flat = scene.file.sweep, [linear_frames(scene.config)]
     every = [
-        Candidate(_reduction(scene, frames), Variant(method))
+        Candidate(Reduction(BasisChoice.RESIDUAL, scene.file.reference.modes, frames), Variant(method))
         for method in sweep.methods
         for frames in (sweep.frames if has_frames(method) else flat)
     ]
@@ -212,10 +212,6 @@ def planned(scene: Scene, model: Candidate | None) -> list[Run]:
 
 def _owner(scene: Scene) -> str:
     return f"{scene.digest}, {scene.file.stability.tolerance:g}"
-
-
-def _reduction(scene: Scene, frames: int) -> Reduction:
-    return Reduction(BasisChoice.RESIDUAL, scene.file.reference.modes, frames)
 
 
 def _truth(workshop: Workshop) -> Truth:

@@ -293,7 +293,7 @@ class Workshop:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Send what another process needs to measure models."""
-        return _elsewhere, (self.scene, self.store, self.known)
+        return _elsewhere, (self.scene, Store(self.store.folder), self.known)
 
     def of(self, scene: Scene) -> "Workshop":
         """A workshop for the same scene's body, cut otherwise: the references stay."""
@@ -355,8 +355,9 @@ class Workshop:
         """Reduce the body as `most` says, once, for all methods that the sweep may try, and leave out the rest."""
         most = self.most(reduction)
         variants = dict.fromkeys(one.variant for one in self._tried if self.most(one.reduction) == most)
-        # The body starts with the first: of lumped mass alone no polynomial is known.
-        built = self.build(most, sorted(variants, key=lambda one: one.mass is Mass.CONFIGURATION))
+        # The body starts with the first: of lumped mass alone no polynomial is known. An FMU of it serves all methods.
+        order = (Mass.POLYNOMIAL, Mass.CONSTANT, Mass.CONFIGURATION).index
+        built = self.build(most, sorted(variants, key=lambda one: order(one.mass)))
         whole, part = self._parts.get(reduction, (None, built))
         if whole is not built:
             part = replace(built, body=_part(built.body, most, reduction))

@@ -128,7 +128,8 @@ def plate(model: Any, own: Any, units: UnitSystem, weight: float, path: Path) ->
     if strained or not {own.mid1, own.mid2 or own.mid1, own.mid3 or own.mid1} <= set(model.materials):
         raise MeshError(f"{title} names a material that is not there (plane strain by MID2 = -1 is not supported)")
     one, other = (material(model, mid or own.mid1, units, weight, path, more) for mid in (own.mid1, own.mid2))
-    stiff, bends = (_in_plane(part) for part in (one, other))
+    # In plane stress.
+    stiff, bends = (np.linalg.inv(np.linalg.inv(part.elasticity)[_PLANE[:, None], _PLANE]) for part in (one, other))
     share = bends[0, 0] / stiff[0, 0]
     if not np.allclose(bends, share * stiff, atol=1e-3 * bends[0, 0]):
         raise MeshError(f"{title} bends by another Poisson's ratio or direction (MID2) than it stretches (MID1)")
@@ -143,11 +144,6 @@ def plate(model: Any, own: Any, units: UnitSystem, weight: float, path: Path) ->
         constants[4:, 4:] = 1.2 * own.tst * across
     found = replace(one, constants=tuple(constants.ravel().tolist()))
     return replace(found, name=f"{own.type} {own.pid}", bending=share * own.twelveIt3 if own.mid2 else _LIMP)
-
-
-def _in_plane(made: Material) -> FloatArray:
-    """Stiffness (3, 3) in plane stress."""
-    return np.linalg.inv(np.linalg.inv(made.elasticity)[_PLANE[:, None], _PLANE])
 
 
 def layers(model: Any, own: Any, units: UnitSystem, weight: float, path: Path) -> Material:

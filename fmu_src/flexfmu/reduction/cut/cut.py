@@ -390,11 +390,6 @@ def _has(sets: Mapping[str, IntArray], name: str) -> bool:
     return any(known.lower() == name.lower() for known in sets)
 
 
-def spring_set(nodes: str, number: int) -> str:
-    """Name of the node set of a support's springs."""
-    return f"springs of support[{number}] at {nodes}"
-
-
 def _springs(model: Model, supports: Sequence[SupportNodes]) -> tuple[Model, tuple[Spring, ...]]:
     """Springs of a part, and the model without those that its frames do not hang on.
 
@@ -415,7 +410,7 @@ def _springs(model: Model, supports: Sequence[SupportNodes]) -> tuple[Model, tup
         fitted = by_node(nodes)
         _, rank = rigid_fit(mesh.points, fitted, fitted.centre(mesh.points))
         loose = rank == _RIGID_MOTIONS and not np.intersect1d(nodes, model.held).size
-        name = spring_set(table.nodes, number) if loose else None
+        name = f"springs of support[{number}] at {table.nodes}" if loose else None
         if name is not None:
             sets[name] = nodes
             stays[nodes] = 0.0

@@ -204,9 +204,6 @@ def turning_taken(mesh: Mesh, fields: FloatArray, parts: Sequence[IntArray]) -> 
 
 # A part and its interface, and how far it warps in the part's coordinates and in those of its shadow.
 _End = tuple[tuple[int, int], Sequence[FloatArray]]
-# Unknowns beyond which the factor of the whole makes room for those of the parts, and is found again for the modes' own
-# error: some 3 GB at 300 000.
-_LARGE = 100_000
 
 
 def reduced_parts(
@@ -243,7 +240,6 @@ def reduced_parts(
         configs = part_configs(config, opened, parts)
     whole = Matrices(model, report, store)
     warping = _warping(config.cuts, parts, _unit_responses(config, whole))
-    whole = Matrices(model, report, store) if model.fixed.size > _LARGE else whole
     pieces, bodies, ends = [], [], dict[str, _End]()
     spanned = np.zeros((model.fixed.size, 0)) if spanned is None else spanned
     for number, (part, own) in enumerate(zip(parts, configs, strict=True)):

@@ -4,18 +4,18 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from matplotlib.figure import Figure
-
-from ...files.figures import save
 from ...files.outputs import PICTURE_SUFFIXES, check_target, page_text, picture_html, records_frame, whole_file
 from ...model.methods import Method
-from .. import pictures as look
 from ..candidates import REDUCED
 from ..front import QUANTITIES, Axis, bodies, cost_axis, finding, front, recommended, tolerance
 from ..records import RECORDS, Record
 from ..scene.config import SceneError
+
+# Its import takes half a second, and records alone are no picture.
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _FILTERS = ("body", "solver", "method", "frames", "basis", "modes", "mass", "internal_step", "status")
 _COSTS = {
@@ -63,7 +63,7 @@ class Drawn:
     axis: Axis
     finding: str
     records: list[Record]
-    plot: Callable[[], Figure]
+    plot: Callable[[], "Figure"]
 
     def to_dataframe(self) -> Any:
         """A pandas.DataFrame of the records, one row a model."""
@@ -116,10 +116,14 @@ def chart(
             part.write_text(_page(every, title), encoding="utf-8")
     fronts = {q: front(rows, q, axis) for q in QUANTITIES if any(getattr(row, q) > 0.0 for row in rows)}
 
-    def figure() -> Figure:
+    def figure() -> "Figure":
+        from .. import pictures as look
+
         return look.Picture(rows, whole, axis).figure(fronts, title)
 
     if picture is not None:
+        from ...files.figures import save
+
         save(figure(), picture)
     taken = recommended(rows, axis)
     named = [row for members in fronts.values() for row in members] + ([] if taken is None else [taken])
@@ -147,6 +151,8 @@ def check_targets(records: Sequence[Path], picture: Path | None, html: Path | No
 
 def _page(rows: Sequence[Record], title: str) -> str:
     """Text of the page: reduced models, and the finite element model where it was timed."""
+    from .. import pictures as look
+
     names = [field.name for field in fields(Record) if field.name not in _LEFT_OUT]
     told = ("label", "short_label", "plainness")
     data = [{name: getattr(row, name) for name in (*names, *told)} for row in rows]

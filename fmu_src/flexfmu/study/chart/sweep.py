@@ -6,7 +6,6 @@ The whole finite element model is among them: how long it takes for what a reduc
 import math
 import statistics
 import tempfile
-import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,7 +24,7 @@ from ..candidates import Candidate, Reduction, frames_words
 from ..fmu_cost import FmuTimer, fmu_timer
 from ..front import QUANTITIES, cost_axis, front
 from ..records import KEY, RECORDS, Record, RecordFile
-from ..scene.config import BasisChoice, SceneError
+from ..scene.config import BasisChoice, SceneError, ToleranceTable
 from ..scene.reference import Reference, SceneErrors, equilibria_errors
 from ..scene.scene import Scene
 from ..scene.whole_model import WholeModel
@@ -185,18 +184,29 @@ def _distance(place: tuple[object, ...], other: tuple[object, ...]) -> int:
     return sum(abs(a - b) if isinstance(a, int) and isinstance(b, int) else int(a != b) for a, b in pairs)
 
 
-def members(rows: Sequence[Record]) -> set[tuple[str, ...]]:
-    """Keys of the models on the fronts of all that a chart shows, and of the error over the tolerance."""
+# What is so much more accurate than a scene asks for needs no neighbours.
+_AMPLE = 0.1
+
+
+def members(rows: Sequence[Record], asked: ToleranceTable | None = None) -> set[tuple[str, ...]]:
+    """Keys of the models on the fronts of all that a chart shows, and of the error over the tolerance.
+
+    Parameters
+    ----------
+    rows : sequence of Record
+    asked : ToleranceTable, optional
+        Those alone whose error there is above a tenth of it.
+    """
     rows = [row for row in rows if row.solver == candidates.REDUCED and row.status == "ok"]
-    axis = cost_axis(rows)
-    shown = [q for q in ("share", *QUANTITIES) if any(getattr(row, q) > 0.0 for row in rows)]
-    return {row.key for q in shown for row in front(rows, q, axis)}
+    axis, least = cost_axis(rows), dict.fromkeys(("share", *QUANTITIES), 0.0)
+    if asked is not None:
+        accepted = (1.0, asked.static.displacement, asked.transient.displacement)
+        least = {q: _AMPLE * one for q, one in zip(least, accepted, strict=True)}
+    shown = [q for q in least if any(getattr(row, q) > 0.0 for row in rows)]
+    return {row.key for q in shown for row in front(rows, q, axis) if getattr(row, q) > least[q]}
 
 
 Look = Callable[[str], None]
-# A sweep that takes long is drawn once it has begun, when it is done, and as often as this, s; or more seldom, where
-# drawing takes long: once in so many times that.
-_PAUSE, _RATIO = 30.0, 20.0
 
 
 def sweep(
@@ -268,7 +278,7 @@ class _Trial:
 
     def __init__(self, workshop: Workshop, grid: Grid, kept: RecordFile[Record], timer: FmuTimer | None, look: Look):
         self._workshop, self._grid, self._kept, self._timer, self._look = workshop, grid, kept, timer, look
-        self._extent, self._last, self._pause = "", time.monotonic(), _PAUSE
+        self._extent = ""
 
     @property
     def _drawable(self) -> bool:
@@ -277,14 +287,12 @@ class _Trial:
 
     def draw(self) -> None:
         """Draw, and say how much of the sweep it is."""
-        self._last = time.monotonic()
         if self._drawable:
             models = self._grid.models
             self._look(f"{self._extent}{sum(one.key in self._kept for one in models)} of {len(models)} models")
-        self._pause = max(_PAUSE, _RATIO * (time.monotonic() - self._last))
 
     def refine(self) -> None:
-        """Try few models, and then the neighbours of those on the front until all of them are known."""
+        """Try few models, and then neighbours of those on the front that are not far more accurate than asked for."""
         title, wanted, self._extent = "Coarse sweep", self._grid.coarse(), "coarse: "
         while any(one.key not in self._kept for one in wanted):
             before = len(self._kept.rows)
@@ -295,7 +303,8 @@ class _Trial:
             if self._extent:
                 self.draw()
             self._extent, title = "", "Finer near the front"
-            wanted = self._grid.around(members(self._kept.rows)) if self._drawable else list(self._grid.models)
+            asked = self._workshop.scene.file.tolerance
+            wanted = self._grid.around(members(self._kept.rows, asked)) if self._drawable else list(self._grid.models)
         self._extent = ""
 
     def estimate(self) -> None:
@@ -341,8 +350,6 @@ class _Trial:
                             self._kept.append(record(workshop, member, built, errors, self._timer))
                             done += 1
                             tell(done)
-                if time.monotonic() - self._last > self._pause:
-                    self.draw()
 
 
 def _words(group: Sequence[Candidate]) -> str:

@@ -61,11 +61,7 @@ class Reference:
 
 
 def references(
-    scene: Scene,
-    report: Reporter,
-    store: Store | None = None,
-    whole: WholeModel | None = None,
-    solve: bool = True,
+    scene: Scene, report: Reporter, store: Store | None = None, whole: WholeModel | None = None, solve: bool = True
 ) -> dict[str, Reference]:
     """Find the motion of every case.
 
