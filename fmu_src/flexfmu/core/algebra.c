@@ -38,11 +38,10 @@ void product(const double *a, const double *b, double *out, int64_t n, int64_t m
 /* Row i finds its pivot, and takes itself off each row k after it. */
 int lu_factor(double *a, int64_t *pivot, int64_t n, Slice *slice) {
     COUNT(2 * n * n * n / 3);
-    Rows rows = rows_due(slice, pairs_of(n), (double)n);
+    Rows rows = rows_due(slice, pairs_of(n), (double)(n + 24));
     int64_t i, k;
     pair_of(pairs_of(n) - 1 - rows.at, &i, &k);
-    i = n - 1 - i;
-    k = n - 1 - k;
+    i = n - 1 - i, k = n - 1 - k;
     for (; rows.at < rows.end; rows.at++) {
         if (k == i) {
             int64_t best = i;
@@ -131,7 +130,7 @@ void cholesky_solve(const double *lower, double *b, int64_t n) {
 void congruent(const double *lower, double *a, int64_t n, Slice *slice) {
     COUNT(2 * n * n * n);
     for (int turn = 0; turn < 2; turn++) {
-        Rows rows = rows_due(slice, pairs_of(n), (double)n);
+        Rows rows = rows_due(slice, pairs_of(n), (double)(2 * n));
         int64_t i, k;
         pair_of(rows.at, &i, &k);
         for (; rows.at < rows.end; rows.at++) {
@@ -140,7 +139,7 @@ void congruent(const double *lower, double *a, int64_t n, Slice *slice) {
             for (int64_t j = 0; k == i && j < n; j++) a[i * n + j] /= factor;
             if (++k > i) i++, k = 0;
         }
-        rows = rows_due(slice, n, (double)n);
+        rows = rows_due(slice, n, (double)(4 * n));
         for (i = rows.at; i < rows.end; i++)
             for (int64_t j = 0; j < i; j++) {
                 const double kept = a[i * n + j];
@@ -208,10 +207,11 @@ void symmetric_eigen(double *a, double *values, double *v, int64_t n) {
  * in row k right of the diagonal, its factor in scale[k]. */
 static void reduce_to_tridiagonal(double *a, double *off, double *scale, double *work, int64_t n, Slice *slice) {
     COUNT(4 * n * n * n / 3);
+    if (passed(slice, (n - 1) * (n + 2))) return;
     for (int64_t k = 0; k + 1 < n; k++) {
         const int64_t left = n - k - 1;
         if (over(slice)) return;
-        if (passed(slice, 2 * left + 2)) continue;
+        if (dealt_with(slice, 2 * left + 2, (double)(left * (5 * left + 6)) / (double)(2 * left + 2))) continue;
         double *v = a + k * n + k + 1, *rest = a + (k + 1) * (n + 1);
         if (due(slice, (double)(3 * left))) {
             const double size = norm(v, left), sign = v[0] < 0.0 ? -1.0 : 1.0;
@@ -226,7 +226,7 @@ static void reduce_to_tridiagonal(double *a, double *off, double *scale, double 
             const double half = 0.5 * scale[k] * dot(work, v, left);
             for (int64_t i = 0; i < left; i++) work[i] -= half * v[i];
         }
-        rows = rows_due(slice, left, (double)(2 * left));
+        rows = rows_due(slice, left, (double)(4 * left));
         for (int64_t i = rows.at; i < rows.end; i++)
             for (int64_t j = 0; j < left; j++) rest[i * n + j] -= v[i] * work[j] + work[i] * v[j];
     }

@@ -27,8 +27,8 @@ typedef struct {
  * interfaces, of that what more frames do not change, and flattening; strain. */
 enum { REACH, SOFT, OWN, WITHIN, FLAT, STRAIN, FOUND };
 
-/* Blocks of pieces of a step of Newton's method, of which `blocks` holds how many each has. */
-enum { PLACES, FORCES, TANGENT, FACTORS, SOFTEST, BLOCKS };
+/* Blocks of pieces: of the body, and of a step of Newton's method. Of each `blocks` holds how many each has. */
+enum { BODY, PLACES, FORCES, TANGENT, FACTORS, SOFTEST, BLOCKS };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = body->p;
@@ -63,9 +63,9 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
 enum { ROOM = (sizeof(Room) + sizeof(double) - 1) / sizeof(double) };
 
 /* What lies in the arena from call to call. */
-static Room *room_in(const Body *shadow, Arena *arena) {
+static Room *room_in(const Body *shadow, Arena *arena, const Slice *slice) {
     Room *room = (Room *)take(arena, ROOM);
-    if (room) take_room(shadow, arena, room);
+    if (room && !laid_out(slice)) take_room(shadow, arena, room);
     return room;
 }
 
@@ -120,7 +120,7 @@ static double apart(const double *a, const double *b, int64_t interfaces, double
 static void residual_of(Body *shadow, Room *room, const double *inputs) {
     const Program *p = shadow->p;
     const int64_t m = p->modes;
-    if (due(shadow->slice, (double)(3 * p->loads * m))) spread(shadow, inputs, &room->loads);
+    if (due(shadow->slice, (double)(p->loads * m))) spread(shadow, inputs, &room->loads);
     modal_force(shadow, &room->loads, 1, &room->at, 0, &room->scratch, room->left);
     const Rows now = rows_due(shadow->slice, p->tied * m, (double)m);
     for (int64_t j = now.at; j < now.end; j++) room->left[j] += dot(p->tie_initial + j * m, room->q, m);
@@ -131,8 +131,6 @@ static void residual_of(Body *shadow, Room *room, const double *inputs) {
 /* Forces and tangent of the shadow at its coordinates. Its joints do not quite fit there, and their own tension would lead
  * astray: the tangent has that of the body's. */
 static void forces_of(Body *shadow, Room *room, const double *inputs, double *blocks) {
-    const Program *p = shadow->p;
-    const int64_t m = p->modes;
     Slice *slice = shadow->slice;
     int64_t began = enter_block(slice, blocks + PLACES);
     if (began >= 0) {
@@ -171,8 +169,10 @@ static double own_stiffness(const Body *shadow, const Room *room, const double *
 
 /* The smallest eigenvalue of the shadow's tangent over its own stiffness, with its factor at hand, that the deflection has a part
  * in; 1 at the most: at rest and in what stiffens. */
-static void find_softest(Room *room, const Body *shadow, int64_t e) {
+static void find_softest(const Body *shadow, Room *room, double *blocks) {
     const Program *p = shadow->p;
+    const int64_t e = p->modes - p->rigid, pieces = 2 * e + 3, began = enter_block(shadow->slice, blocks + SOFTEST);
+    if (began < 0) return;
     const double cost = (double)((6 * p->stretches + 24 * p->ties + p->tied * p->modes) * p->modes + 10 * e);
     double *shape = room->factor, *work = room->work, *size = room->found + SOFT;
     if (due(shadow->slice, cost)) {
@@ -180,12 +180,14 @@ static void find_softest(Room *room, const Body *shadow, int64_t e) {
         *size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
     }
     for (int k = 0; k < ITERATIONS && !over(shadow->slice); k++) {
+        if (dealt_with(shadow->slice, pieces, (cost + (double)(2 * e * (1 + e))) / (double)pieces)) continue;
         if (due(shadow->slice, (double)e))
             for (int64_t i = 0; i < e; i++) shape[i] = *size > 0.0 ? work[i] / *size : 0.0;
         lu_solve_one(room->scaled, room->pivot, shape, e, shadow->slice);
         if (due(shadow->slice, cost)) *size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
     }
     if (due(shadow->slice, 1.0)) *size = 1.0 / fmax(*size, 1.0);
+    leave_block(shadow->slice, began, blocks + SOFTEST);
 }
 
 /* What is left of the forces, and the tangent with its factors, in coordinates of unit energy; 0 where that is not stable. */
@@ -204,9 +206,9 @@ static int factors_of(Body *shadow, Room *room) {
 }
 
 /* One step of Newton's method from the shadow's coordinates towards its equilibrium, in place, and the softest eigenvalue of
- * its tangent; 0 where that is not stable. In motion inertia holds what is left of the body's own forces, and so it does in
- * the shadow. */
-static int newton_step(Body *shadow, Room *room, const double *inputs, double *blocks) {
+ * its tangent in the last one; 0 where that is not stable. In motion inertia holds what is left of the body's own forces, and
+ * so it does in the shadow. */
+static int newton_step(Body *shadow, Room *room, const double *inputs, double *blocks, int last) {
     const Program *p = shadow->p;
     const int64_t m = p->modes, first = p->rigid, e = m - first;
     Slice *slice = shadow->slice;
@@ -218,11 +220,7 @@ static int newton_step(Body *shadow, Room *room, const double *inputs, double *b
         leave_block(slice, began, blocks + FACTORS);
     }
     if (over(slice)) return 1;
-    began = enter_block(slice, blocks + SOFTEST);
-    if (began >= 0) {
-        find_softest(room, shadow, e);
-        leave_block(slice, began, blocks + SOFTEST);
-    }
+    if (last) find_softest(shadow, room, blocks);
     lu_solve_one(room->scaled, room->pivot, room->left + first, e, slice);
     if (!due(slice, (double)(4 * e))) return 1;
     for (int64_t i = 0; i < e; i++) room->q[first + i] += room->left[first + i] / p->omega[first + i];
@@ -235,12 +233,13 @@ static int newton_step(Body *shadow, Room *room, const double *inputs, double *b
 static int newton_steps(Body *shadow, Room *room, const double *inputs, int again) {
     Slice *slice = shadow->slice;
     const Slice before = slice ? *slice : (Slice){0};
-    if (!newton_step(shadow, room, inputs, room->blocks)) return 0;
+    if (!newton_step(shadow, room, inputs, room->blocks, !again)) return 0;
     if (!again || over(slice)) return 1;
-    if (!slice || slice->until != COUNTS) return newton_step(shadow, room, inputs, room->blocks + BLOCKS);
+    if (!slice || slice->until != COUNTS) return newton_step(shadow, room, inputs, room->blocks + BLOCKS, 1);
     slice->met += slice->met - before.met;
     slice->whole += slice->whole - before.whole;
     memcpy(room->blocks + BLOCKS, room->blocks, BLOCKS * sizeof(double));
+    find_softest(shadow, room, room->blocks + BLOCKS);
     return 1;
 }
 
@@ -303,9 +302,10 @@ static const double CALLS = 2500.0, OF_VECTORS = 0.3;
 /* What the body itself tells at q: what is left of its forces, its places, how far they are from where it began. */
 static int body_at(Body *body, const Body *shadow, const double *inputs, const double *q, Room *room) {
     const Program *p = body->p;
-    const int64_t n = p->modes;
-    const double cost = CALLS + OF_VECTORS * configuration_cost(body);
     Slice *slice = shadow->slice;
+    const int64_t n = p->modes, began = enter_block(slice, room->blocks + BODY);
+    if (began < 0) return 1;
+    const double cost = CALLS + OF_VECTORS * configuration_cost(body);
     Arena arena = work_arena(body);
     Configuration at;
     if (due(slice, cost)) {
@@ -332,12 +332,13 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
         const double now = apart(room->moved, room->other, p->interfaces, room->error);
         room->found[REACH] = fmax(now, deflection_by(body, room->rest, room));
     }
+    leave_block(slice, began, room->blocks + BODY);
     return 1;
 }
 
 void pieces_of_error(Body *body, Body *shadow, const double *inputs, const double *q, Arena arena, Slice *slice) {
     const int64_t interfaces = body->p->interfaces;
-    Room *room = room_in(shadow, &arena);
+    Room *room = room_in(shadow, &arena, slice);
     /* Joints of a shadow with loops opened were loops of the body, which a first step closes. Motion of first order stretches
      * the shadow so much that the first step leads back little of the way. */
     const int again = shadow->p->ties > body->p->ties || !body->p->curved;
@@ -371,7 +372,7 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
 
 void error_found(const Body *body, const Body *shadow, Arena arena, double *error, double *deflection, double *share, double *bound) {
     const Program *p = body->p;
-    const Room *room = room_in(shadow, &arena);
+    const Room *room = room_in(shadow, &arena, 0);
     const double *found = room->found;
     const int opened = shadow->p->ties > p->ties;
     *deflection = fmax(*deflection, found[REACH]);
@@ -386,7 +387,7 @@ void error_found(const Body *body, const Body *shadow, Arena arena, double *erro
 int body_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection, double *share,
                double *bound) {
     Arena arena = work_arena(shadow), size = arena;
-    room_in(shadow, &size);
+    room_in(shadow, &size, 0);
     if (size.refused) return FLEX_NO_ROOM;
     pieces_of_error(body, shadow, inputs, q, arena, 0);
     error_found(body, shadow, arena, error, deflection, share, bound);

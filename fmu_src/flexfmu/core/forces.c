@@ -19,8 +19,8 @@ void take_loads(const Body *body, Arena *arena, Loads *loads) {
     loads->f_geometric = take(arena, square);
 }
 
-/* Whether the modal forces of this method depend on q under any loads. */
-static int nonlinear(const Program *p) {
+int forces_depend(const Body *body) {
+    const Program *p = body->p;
     return p->placement != PLACE_REFERENCE || p->by_load_given || p->by_mode_given || p->ties;
 }
 
@@ -75,7 +75,7 @@ void spread(const Body *body, const double *inputs, Loads *loads) {
         for (int64_t i = 0; i < p->loads; i++)
             if (i >= 6 * count || i % 6 < 3) add_rows(inputs + i, p->by_load + i * m * m, loads->f_geometric, 1, m * m);
     }
-    loads->active = p->by_mode_given || p->ties || p->stretches || (nonlinear(p) && (any || loads->has_moments));
+    loads->active = p->by_mode_given || p->ties || p->stretches || (forces_depend(body) && (any || loads->has_moments));
 }
 
 void tie_levers(const Body *body, const Configuration *at, int64_t tie, int64_t node, double *out) {
@@ -368,8 +368,8 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
                        const double *tense, TangentRoom *room, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes;
-    Rows now = rows_due(body->slice, m, (double)(4 * m));
-    memset(out + now.at * m, 0, (size_t)((now.end - now.at) * m) * sizeof(double));
+    Rows now;
+    clear_rows(out, m, rows_due(body->slice, m, cost_of_copy(m)));
     if (!loads->active && !body->slice) {
         for (int64_t j = 0; j < m; j++) out[j * m + j] = body->opened->stiffness[j];
         return;
@@ -391,7 +391,7 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
             add_transposed_product(p->load_operator + 3 * (p->interfaces + i) * m, room->row, out, 3, m, m);
         }
     if (over(body->slice)) return;
-    now = rows_due(body->slice, m, (double)m);
+    now = rows_due(body->slice, m, (double)(2 * m));
     for (int64_t j = now.at * m; j < now.end * m; j++) out[j] = -out[j];
     for (int64_t j = now.at; j < now.end; j++) out[j * m + j] += body->opened->stiffness[j];
     if (p->ties) add_tie_stiffness(body, at, pull, room, out);
@@ -401,7 +401,7 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
     }
     if (p->by_load_given) {
         const double *geometric = with_moments ? loads->geometric : loads->f_geometric;
-        now = rows_due(body->slice, m, (double)m);
+        now = rows_due(body->slice, m, (double)(2 * m));
         for (int64_t j = now.at * m; j < now.end * m; j++) out[j] += geometric[j];
     }
     if (p->by_mode_given && due(body->slice, (double)(2 * m * m * m))) add_mode_stiffness(body, at, room->square, out);

@@ -33,6 +33,8 @@ typedef struct {
     double *loads, *turned, *tense, *gaps, *row, *square;
 } TangentRoom;
 
+/* Whether the modal forces of this method depend on q under any loads. */
+int forces_depend(const Body *body);
 void take_loads(const Body *body, Arena *arena, Loads *loads);
 /* Put loads (L) on the nodes. */
 void spread(const Body *body, const double *inputs, Loads *loads);

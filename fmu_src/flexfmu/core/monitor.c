@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "algebra.h"
+#include "forces.h"
 #include "messages.h"
 #include "tree.h"
 
@@ -362,8 +363,12 @@ static void submit(const Monitor *monitor, int kind, const StepEnd *end, double 
     memcpy(state + m, end->inputs, (size_t)loads * sizeof(double));
 }
 
-/* Of a slice: a part of what a configuration of the body costs, a few of which make a step, and what any step can bear. */
-static const double OF_STEP = 1.0 / 5.0, OF_ANY = 7000.0;
+/* Multiplications of a slice: of a step whose forces do not depend on where the body is about a third; of any other a part of what
+ * a configuration costs, a few of which make a step, and what all of them can bear. */
+static double slice_size(const Body *body) {
+    const double cost = configuration_cost(body);
+    return forces_depend(body) ? 8000.0 + 0.2 * cost : fmax(2000.0, 600.0 + 1.28 * cost);
+}
 
 /* Slices up to which a look counts its pieces, and tells what it has found, in a step that does one: else each has a step. */
 static const double FEW = 12.0;
@@ -414,7 +419,7 @@ static void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
         pieces->begun = COUNTED;
     }
     if (now->slices == 0.0) {
-        now->slices = fmax(1.0, ceil(slice->whole / (OF_STEP * configuration_cost(monitor->body) + OF_ANY)));
+        now->slices = fmax(1.0, ceil(slice->whole / slice_size(monitor->body)));
         if (now->slices > FEW) return;
     }
     now->done += 1.0;

@@ -89,7 +89,7 @@ void pass_back(const Body *body, const Configuration *at, double *force, double 
 static void full_operator(const Body *body, const Configuration *at, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes;
-    copy_rows(p->operator_, out, m, rows_due(body->slice, 6 * p->nodes, (double)m));
+    copy_rows(p->operator_, out, m, rows_due(body->slice, 6 * p->nodes, cost_of_copy(m)));
     if (!p->curved) return;
     for (int64_t part = 0; part < p->parts; part++) {
         const Bend *bend = body->opened->bends + part;
@@ -118,9 +118,12 @@ void jacobians_at(const Body *body, const Configuration *at, Jacobians *of) {
     const Program *p = body->p;
     const double *operator_ = of->operator_;
     double *translation = of->translation, *spin = of->spin;
-    full_operator(body, at, of->operator_);
     const int64_t m = p->modes, size = 3 * m;
-    const Rows now = rows_due(body->slice, p->nodes, (double)(10 * size));
+    int64_t pieces = 7 * p->nodes;
+    for (int64_t part = 0; p->curved && part < p->parts; part++) pieces += body->opened->bends[part].count;
+    if (passed(body->slice, pieces)) return;
+    full_operator(body, at, of->operator_);
+    const Rows now = rows_due(body->slice, p->nodes, (double)(20 * size));
     for (int64_t k = now.at; k < now.end; k++) {
         const int64_t on = p->parent[k];
         double both[9], arm[3], hat[9], *x = translation + k * size, *w = spin + k * size;
@@ -179,21 +182,24 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
     for (int64_t part = 0; part < p->parts; part++) {
         const int64_t r = p->extent[part];
         const double *basis = part_basis(p, part);
-        Rows now = rows_due(body->slice, r, (double)(3 * r));
-        memset(square + now.at * r, 0, (size_t)((now.end - now.at) * r) * sizeof(double));
         const Bend *bend = body->opened->bends + part;
-        for (int64_t first = 0; first < bend->count; first += LANES) {
+        const double *curvature = bend->curvature;
+        const int64_t groups = packed_groups(r), size = packed_size(r);
+        const double cost = add_four_cost(r);
+        clear_rows(square, r, rows_due(body->slice, r, cost_of_copy(r)));
+        for (int64_t first = 0; first < bend->count && !over(body->slice); first += LANES, curvature += size) {
             double factors[LANES] = {0.0};
+            if (dealt_with(body->slice, groups, cost)) continue;
             for (int64_t k = first; k < first + LANES && k < bend->count; k++) factors[k - first] = rows[bend->row[k]];
-            add_four(body, factors, bend->curvature + first / LANES * packed_size(r), square, r);
+            add_four(body, factors, curvature, square, r);
         }
         if (!basis) {
-            now = rows_due(body->slice, m, (double)m);
+            const Rows now = rows_due(body->slice, m, (double)(2 * m));
             for (int64_t j = now.at * m; j < now.end * m; j++) out[j] += square[j];
             continue;
         }
         /* Basisᵀ square basis, a row of the middle at a time. */
-        now = rows_due(body->slice, r, (double)((m + r) * m));
+        const Rows now = rows_due(body->slice, r, (double)((m + r) * m));
         for (int64_t i = now.at; i < now.end; i++) {
             memset(one, 0, (size_t)m * sizeof(double));
             add_rows(square + i * r, basis, one, r, m);
@@ -241,11 +247,20 @@ static void turned_at(const Body *body, const Configuration *at, int64_t k, cons
     for (int64_t j = 0; j < size; j++) one[j] += other[j];
 }
 
+/* Cost of what is done for each of a node's three rows of (m), in multiplications by the coordinate. */
+static const double PULLED = 12.0, TURNED = 28.0;
+
 void add_load_stiffness(const Body *body, const Configuration *at, const double *force, const double *moment,
                         const Jacobians *of, LoadSlope *room, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes, n = p->nodes, size = 3 * m;
     double *one = room->one, *other = room->other, hat[9];
+    int64_t all = 2 * n;
+    for (int64_t k = 0; k < n; k++) all -= p->parent[k] < 0;
+    if (passed(body->slice, 1 + 2 * n + (1 + m) * all)) {
+        add_curvature_stiffness(body, room->rows, room, out);
+        return;
+    }
     if (due(body->slice, (double)(100 * n))) {
         memcpy(room->total, force, (size_t)(3 * n) * sizeof(double));
         memcpy(room->about, moment, (size_t)(3 * n) * sizeof(double));
@@ -254,16 +269,18 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
     lever_changes(body, force, of->translation, room->change);
     for (int64_t k = 0; k < n && !over(body->slice); k++) {
         const int64_t on = p->parent[k];
-        if (passed(body->slice, (1 + m) * (on >= 0 ? 2 : 1))) continue;
+        const int64_t pieces = (1 + m) * (on >= 0 ? 2 : 1);
+        const double cost = (double)size * ((on >= 0 ? PULLED + (double)m : 0.0) + TURNED + (double)m);
+        if (dealt_with(body->slice, pieces, cost / (double)pieces)) continue;
         if (on >= 0) {
-            if (due(body->slice, (double)(8 * size))) {
+            if (due(body->slice, PULLED * (double)size)) {
                 skew(room->total + 3 * k, hat);
                 apply_rows(hat, of->spin + on * size, one, m);
                 apply_back_rows(at->parent + 9 * k, one, other, m);
             }
             add_three_products(body, of->operator_ + k * size, other, out);
         }
-        if (due(body->slice, (double)(20 * size))) turned_at(body, at, k, of, room, one, other);
+        if (due(body->slice, TURNED * (double)size)) turned_at(body, at, k, of, room, one, other);
         add_three_products(body, of->operator_ + (n + k) * size, one, out);
     }
     if (!over(body->slice)) add_curvature_stiffness(body, room->rows, room, out);

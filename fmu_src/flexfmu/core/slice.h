@@ -60,9 +60,13 @@ static inline void pair_of(int64_t number, int64_t *i, int64_t *k) {
 }
 static inline int64_t pairs_of(int64_t n) { return n * (n + 1) / 2; }
 
-/* Rows (e) of one matrix into another. */
+/* Rows (e) of one matrix into another, and rows of zeros. Each by itself: of long runs processors count byte by byte. */
+static inline double cost_of_copy(int64_t e) { return 10.0 + 0.25 * (double)e; }
 static inline void copy_rows(const double *from, double *to, int64_t e, Rows rows) {
-    memcpy(to + rows.at * e, from + rows.at * e, (size_t)((rows.end - rows.at) * e) * sizeof(double));
+    for (int64_t i = rows.at; i < rows.end; i++) memcpy(to + i * e, from + i * e, (size_t)e * sizeof(double));
+}
+static inline void clear_rows(double *to, int64_t e, Rows rows) {
+    for (int64_t i = rows.at; i < rows.end; i++) memset(to + i * e, 0, (size_t)e * sizeof(double));
 }
 
 /* 0, as the answer of what cannot go on. */
@@ -81,6 +85,14 @@ static inline int passed(Slice *slice, int64_t pieces) {
     return 1;
 }
 
+/* The same, or so many of like cost that are only counted. */
+static inline int dealt_with(Slice *slice, int64_t pieces, double cost) {
+    if (!slice || slice->until != COUNTS) return passed(slice, pieces);
+    slice->whole += (double)pieces * cost;
+    slice->met += pieces;
+    return 1;
+}
+
 /* Pieces of a block, which the call that counts finds: where it begins; -1 where it lies behind, and is met at once. */
 static inline int64_t enter_block(Slice *slice, const double *pieces) {
     if (!slice || slice->until == COUNTS) return slice ? slice->met : 0;
@@ -89,6 +101,9 @@ static inline int64_t enter_block(Slice *slice, const double *pieces) {
 static inline void leave_block(const Slice *slice, int64_t began, double *pieces) {
     if (slice && slice->until == COUNTS) *pieces = (double)(slice->met - began);
 }
+
+/* Whether what the call that counts has laid out is still there. */
+static inline int laid_out(const Slice *slice) { return slice && slice->until != COUNTS; }
 
 static inline int failed(const Slice *slice) { return slice && slice->failed; }
 

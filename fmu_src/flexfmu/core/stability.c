@@ -26,10 +26,11 @@ enum { SMALLEST, BY_LOADS };
 enum { ROOM = (sizeof(Room) + sizeof(double) - 1) / sizeof(double) };
 
 /* What lies in the arena from call to call; null where it is refused. */
-static Room *room_in(const Body *body, Arena *arena) {
+static Room *room_in(const Body *body, Arena *arena, const Slice *slice) {
     const Program *p = body->p;
     const int64_t m = p->modes;
     Room none, *kept = (Room *)take(arena, ROOM), *room = kept ? kept : &none;
+    if (kept && laid_out(slice)) return kept;
     take_configuration(body, arena, &room->at);
     take_loads(body, arena, &room->loads);
     take_tangent_room(body, arena, &room->rest);
@@ -48,7 +49,7 @@ static Room *room_in(const Body *body, Arena *arena) {
     return arena->refused ? 0 : kept;
 }
 
-void stability_demand(const Body *body, Arena *arena) { room_in(body, arena); }
+void stability_demand(const Body *body, Arena *arena) { room_in(body, arena, 0); }
 
 /* The scaled tangent (e, e) in room->scaled of the body as room->at is configured, e is returned. */
 static int64_t scaled_tangent(Body *body, const double *inputs, Room *room) {
@@ -123,7 +124,7 @@ static int64_t softest_first(const Body *body) { return body->p->tied ? 0 : body
 
 double body_stability(Body *body, const double *inputs, const double *q, double *shape) {
     Arena arena = work_arena(body);
-    Room *room = room_in(body, &arena);
+    Room *room = room_in(body, &arena, 0);
     if (!room) return NAN;
     configure(body, q, &room->at);
     const int64_t e = scaled_tangent(body, inputs, room);
@@ -140,7 +141,7 @@ static const double FAR_ABOVE = 0.5;
 
 /* Whether the scaled tangent's eigenvalues lie above `least`, by a factor in `factor`. */
 static int lies_above(const Room *room, double least, double *factor, int64_t e, Slice *slice) {
-    const Rows now = rows_due(slice, e, (double)(6 * e));
+    const Rows now = rows_due(slice, e, cost_of_copy(e));
     copy_rows(room->scaled, factor, e, now);
     for (int64_t i = now.at; i < now.end; i++) factor[i * e + i] -= least;
     return cholesky(factor, e, slice);
@@ -148,7 +149,7 @@ static int lies_above(const Room *room, double least, double *factor, int64_t e,
 
 double pieces_of_stability(Body *body, const double *inputs, const double *q, double margin, Arena arena, Slice *slice) {
     const int64_t tied = body->p->tied;
-    Room *room = room_in(body, &arena);
+    Room *room = room_in(body, &arena, slice);
     if (!room) return -HUGE_VAL;
     body->slice = slice;
     configure(body, q, &room->at);
@@ -167,7 +168,7 @@ double pieces_of_stability(Body *body, const double *inputs, const double *q, do
 
 double body_stable_beyond(Body *body, const double *inputs, const double *q, double margin) {
     Arena arena = work_arena(body);
-    Room *room = room_in(body, &arena);
+    Room *room = room_in(body, &arena, 0);
     if (!room) return -HUGE_VAL;
     spread(body, inputs, &room->loads);
     /* The tangent of loads that turn with nothing is that of the unloaded body. */
@@ -182,7 +183,7 @@ int body_is_stable(Body *body, const double *inputs, const double *q, double mar
 void pieces_of_cause(Body *body, const double *inputs, const double *q, Arena arena, Slice *slice) {
     const Program *p = body->p;
     const int64_t first = softest_first(body), e = p->tied ? p->modes : p->elastic_count;
-    Room *room = room_in(body, &arena);
+    Room *room = room_in(body, &arena, slice);
     double *shape = room->shape, *found = room->found;
     /* In pieces both are those of the look before. */
     if (!slice) configure(body, q, &room->at);
@@ -210,7 +211,7 @@ void pieces_of_cause(Body *body, const double *inputs, const double *q, Arena ar
 
 Cause cause_found(const Body *body, const double *inputs, Arena arena) {
     const Program *p = body->p;
-    const Room *room = room_in(body, &arena);
+    const Room *room = room_in(body, &arena, 0);
     const double *left = room->found + BY_LOADS, without = p->stretches ? left[p->loads] : dot(room->shape, room->shape, p->modes);
     Cause cause = {room->found[SMALLEST], -HUGE_VAL, 0, 0};
     for (int64_t j = 0; j < p->modes; j++)
@@ -234,7 +235,7 @@ static const double BENT = 2.0;
 void find_softening(Body *body) {
     const Program *p = body->p;
     Arena arena = work_arena(body);
-    Room *room = room_in(body, &arena);
+    Room *room = room_in(body, &arena, 0);
     if (!softened_by_loads_alone(p) || !room || softens_known(body->opened)) return;
     double *rest = body->scratch.end_q, *softens = room->found;
     memset(rest, 0, (size_t)p->modes * sizeof(double));

@@ -64,9 +64,11 @@ int wanted(const Program *p, const Need *need, int64_t row) {
     return !need || (node < p->nodes ? need[node].offset : need[node - p->nodes].turn);
 }
 
+static double four_rows_cost(int64_t r) { return (double)(LANES * r * r / 2 / packed_groups(r)); }
+
 void four_rows(const Body *body, const double *packed, const double *x, double *rows, int64_t r) {
     const int64_t groups = packed_groups(r);
-    const Rows now = rows_due(body->slice, groups, (double)(LANES * r * r / 2 / groups));
+    const Rows now = rows_due(body->slice, groups, four_rows_cost(r));
     /* What goes on in another call waits in its place. */
     double *four = body->slice ? rows : body->scratch.four;
     if (now.at == now.end) return;
@@ -76,9 +78,11 @@ void four_rows(const Body *body, const double *packed, const double *x, double *
     unpack(body->scratch.four, rows, r);
 }
 
+double add_four_cost(int64_t r) { return (double)(LANES * r * r / packed_groups(r)); }
+
 void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r) {
     const int64_t groups = packed_groups(r);
-    const Rows now = rows_due(body->slice, groups, (double)(LANES * r * r / groups));
+    const Rows now = rows_due(body->slice, groups, add_four_cost(r));
     if (now.at < now.end && !all_zero(factors, LANES)) add_packed(factors, packed, out, r, now.at, now.end);
 }
 
@@ -88,8 +92,11 @@ void turn_rows(const Body *body, const Need *need, const double *bent, double *t
         const Bend *bend = body->opened->bends + part;
         const int64_t r = p->extent[part], size = packed_size(r);
         const double *curvature = bend->curvature;
+        const int64_t groups = packed_groups(r);
+        const double cost = four_rows_cost(r);
         for (int64_t first = 0; first < bend->count; first += LANES, curvature += size) {
             int any = 0;
+            if (!need && dealt_with(body->slice, groups, cost)) continue;
             for (int64_t k = first; k < first + LANES && k < bend->count; k++) any |= wanted(p, need, bend->row[k]);
             if (any) four_rows(body, curvature, bent + part * p->modes, to + bend->start + first * r, r);
         }
@@ -151,9 +158,8 @@ void configure_linear(const Body *body, const Need *need, const double *q, Confi
 }
 
 void configure_places(const Body *body, const Need *need, Configuration *at) {
-    if (!due(body->slice, (double)(body->opened->bend_rows + NODE * body->p->nodes))) return;
-    bend_rows(body, need, at);
-    place(body->p, need, at);
+    if (due(body->slice, 1.5 * (double)body->opened->bend_rows)) bend_rows(body, need, at);
+    if (due(body->slice, (double)(NODE * body->p->nodes))) place(body->p, need, at);
 }
 
 void configure(const Body *body, const double *q, Configuration *at) {

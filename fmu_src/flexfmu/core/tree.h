@@ -42,5 +42,7 @@ void turn_rows(const Body *body, const Need *need, const double *bent, double *t
 /* Of LANES packed matrices (r, r): rows (LANES, r) = matrices times x (r), and out (r, r) += their sum times factors; by pieces. */
 void four_rows(const Body *body, const double *packed, const double *x, double *rows, int64_t r);
 void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r);
+/* Cost of a piece of the latter, of which there are as many as groups. */
+double add_four_cost(int64_t r);
 
 #endif

@@ -259,7 +259,7 @@ void rows_times(const double *matrix, const double *x, double *out, int64_t n, i
 void packed_times(const double *packed, const double *x, double *out, int64_t r, int64_t group, int64_t end) {
     COUNT(2 * LANES * r * r * (end - group) / packed_groups(r));
     const int64_t first = first_row(group, r), last = first_row(end, r);
-    if (group == 0) memset(out, 0, (size_t)(LANES * r) * sizeof(double));
+    for (int lane = 0; group == 0 && lane < LANES; lane++) memset(out + lane * r, 0, (size_t)r * sizeof(double));
     packed += packed_before(first, r);
 #if defined(__x86_64__) && !defined(FLEX_NARROW)
     if (wide) {

@@ -55,7 +55,7 @@ static void judged(const Body *body, const double *inputs, double *change, doubl
     const int64_t e = body->p->elastic_count;
     sum_of_triangles(inputs, body->p->judge_change, body->p->loads, e, change, slice);
     sum_of_triangles(inputs, body->p->judge_missed, body->p->loads, e, missed, slice);
-    const Rows now = rows_due(slice, e, (double)e);
+    const Rows now = rows_due(slice, e, (double)(2 * e));
     for (int64_t i = now.at * e; i < now.end * e; i++) missed[i] = -missed[i];
     for (int64_t i = now.at; i < now.end; i++) change[i * (e + 1)] += 1.0;
 }
@@ -73,7 +73,7 @@ int body_might_miss(const Body *body, const double *inputs, double limit) {
 
 /* Whether share * change + sign * missed is positive definite. */
 static int covers(const Judgement *room, double share, double sign, double *sum, int64_t e, Slice *slice) {
-    const Rows now = rows_due(slice, e, (double)e);
+    const Rows now = rows_due(slice, e, (double)(2 * e));
     for (int64_t i = now.at * e; i < now.end * e; i++) sum[i] = share * room->change[i] + sign * room->missed[i];
     return cholesky(sum, e, slice);
 }
@@ -149,13 +149,13 @@ void pieces_of_missed(Body *body, const double *inputs, Arena arena, Slice *slic
         found[MISSED] = 1.0;
         found[STABLE] = found[WORST] = 0.0;
     }
-    copy_rows(change, lower, e, rows_due(slice, e, (double)e));
+    copy_rows(change, lower, e, rows_due(slice, e, cost_of_copy(e)));
     if (!cholesky(lower, e, slice)) {
         fails(slice);
         return;
     }
     if (due(slice, 1.0)) found[STABLE] = 1.0;
-    copy_rows(missed, square, e, rows_due(slice, e, (double)e));
+    copy_rows(missed, square, e, rows_due(slice, e, cost_of_copy(e)));
     congruent(lower, square, e, slice);
     Rows now = rows_due(slice, e, (double)e);
     for (int64_t i = now.at * e; i < now.end * e; i++) lower[i] = -square[i];
@@ -174,10 +174,10 @@ void pieces_of_missed(Body *body, const double *inputs, Arena arena, Slice *slic
         for (int64_t r = 0; r < rows; r++) loads[i * columns + 1 + r] = p->judge_motion[r * e + i];
         memcpy(right + i * columns, loads + i * columns, (size_t)columns * sizeof(double));
     }
-    copy_rows(change, square, e, rows_due(slice, e, (double)e));
+    copy_rows(change, square, e, rows_due(slice, e, cost_of_copy(e)));
     if (!lu_factor(square, room.pivot, e, slice)) return;
     lu_solve(square, room.pivot, right, e, columns, slice);
-    now = rows_due(slice, e, (double)e);
+    now = rows_due(slice, e, (double)(2 * e));
     for (int64_t i = now.at * e; i < now.end * e; i++) change[i] += missed[i];
     if (!lu_factor(change, room.pivot, e, slice)) return;
     lu_solve(change, room.pivot, loads, e, columns, slice);
