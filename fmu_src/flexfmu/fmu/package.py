@@ -37,7 +37,7 @@ def package_fmu(
     platforms: Sequence[str] = (),
     report: Reporter | None = None,
     fmi: int = 2,
-    compressed: bool = True,
+    kept: bool = True,
 ) -> None:
     """Write a body as an FMU; the file appears whole or not at all, and the same body gives the same bytes.
 
@@ -52,8 +52,8 @@ def package_fmu(
     report : Reporter, optional
     fmi : int
         Version of FMI, 2 or 3.
-    compressed : bool
-        Else larger, and written sooner: of FMUs that nobody keeps.
+    kept : bool
+        Else without sources, not compressed, and written sooner.
 
     Raises
     ------
@@ -63,8 +63,8 @@ def package_fmu(
         There is no core for a platform, and none can be made.
     """
     check_target(output, (".fmu",))
-    contents = _contents(body, runtime, cores_for(runtime, platforms, report, fmi), fmi)
-    way = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    contents = _contents(body, runtime, cores_for(runtime, platforms, report, fmi), fmi, kept)
+    way = zipfile.ZIP_DEFLATED if kept else zipfile.ZIP_STORED
     with whole_file(output) as part, zipfile.ZipFile(part, "w", way) as archive:
         for name in sorted(contents):
             entry = zipfile.ZipInfo(name, _DATE)
@@ -125,27 +125,22 @@ def _descriptions(body: ReducedBody, runtime: Runtime, guid: str, fmi: int) -> d
     return files_3(body, guid) if fmi == 3 else {DESCRIPTION: model_description(body, guid, runtime)}
 
 
-def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi: int) -> dict[str, bytes]:
+def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi: int, kept: bool) -> dict[str, bytes]:
     """Every file of the archive by its name."""
     with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
         path = Path(folder) / MODAL_FILE
         write_modal_file(body, path)
         modal = path.read_bytes()
-    made = programs(body)
+    made, code, sources = programs(body), dict[str, bytes](), dict[str, bytes]()
     if runtime is Runtime.NATIVE:
         binaries = {
             f"binaries/{folder}/{body.name}{Path(name).suffix}": data
             for name, data in cores.items()
             for folder in (folders_3(Path(name).stem) if fmi == 3 else [Path(name).stem])
         }
-        code = {}
-        sources = {f"sources/{path.name}": path.read_bytes() for path in source_files()}
-        for path in core_sources():
-            sources[f"sources/{path.name}"] = b'#include "prefix.h"\n' + sources[f"sources/{path.name}"]
-        sources["sources/prefix.h"] = prefix_header().encode()
-        sources["sources/README.txt"] = _filled("sources_readme", name=body.name, flags=" ".join(FLAGS))
+        sources = _sources(body.name) if kept else {}
     else:
-        (modules, libraries), sources = _pythonfmu(), {}
+        modules, libraries = _pythonfmu()
         binaries = {
             f"binaries/{path.parent.name}/{body.name}{path.suffix}": path.read_bytes()
             for path in sorted(libraries.glob("*/*"))
@@ -176,6 +171,15 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi:
         contents[f"resources/{package}_slave.py"] = _filled("slave_module", package=package, guid=guid)
         contents |= {f"resources/{package}/{name}": data for name, data in code.items()}
     return contents
+
+
+def _sources(name: str) -> dict[str, bytes]:
+    """The core's sources by their names in the archive of an FMU of a name."""
+    found = {f"sources/{path.name}": path.read_bytes() for path in source_files()}
+    for path in core_sources():
+        found[f"sources/{path.name}"] = b'#include "prefix.h"\n' + found[f"sources/{path.name}"]
+    readme = _filled("sources_readme", name=name, flags=" ".join(FLAGS))
+    return found | {"sources/prefix.h": prefix_header().encode(), "sources/README.txt": readme}
 
 
 def _filled(text: str, /, **words: str) -> bytes:

@@ -228,7 +228,8 @@ def fit_interface(table: InterfaceNodes, mesh: Mesh, subdomains: Sequence[Subdom
     operator, rank = rigid_fit(mesh.points, weighted, point)
     if rank < 6:
         # A line or a point tells no rotation about itself and takes no moment: its elements do, and hardly a force.
-        around = _of_elements(mesh, nodes)
+        touched = [b.connectivity[np.isin(b.connectivity, nodes).any(axis=1)].ravel() for b in mesh.blocks]
+        around = np.unique(np.concatenate([nodes, *touched]))
         weighted = by_node(around, np.where(np.isin(around, nodes), 1.0, _AROUND))
         operator, rank = rigid_fit(mesh.points, weighted, point)
     if rank < 6:
@@ -238,12 +239,6 @@ def fit_interface(table: InterfaceNodes, mesh: Mesh, subdomains: Sequence[Subdom
         )
     added, by_area = np.setdiff1d(weighted.nodes, nodes), weighted.weight.nnz > weighted.nodes.size
     return InterfaceFit(table.name, point, weighted.nodes, added, operator, by_area, carrying_frame(subdomains, nodes))
-
-
-def _of_elements(mesh: Mesh, nodes: IntArray) -> IntArray:
-    """These nodes and all others of the elements that hold one of them."""
-    touched = [b.connectivity[np.isin(b.connectivity, nodes).any(axis=1)].ravel() for b in mesh.blocks]
-    return np.unique(np.concatenate([nodes, *touched]))
 
 
 def _weighted(table: InterfaceNodes, mesh: Mesh, nodes: IntArray) -> Weighted:

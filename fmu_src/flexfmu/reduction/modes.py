@@ -406,12 +406,8 @@ def _fixed_axes(squares: FloatArray, vectors: FloatArray) -> FloatArray:
             size = np.linalg.norm(block[:, column:], axis=1)
             row = int(np.argmax(size >= _NEARLY_LARGEST * size.max()))
             axis = block[row, column:] / size[row]
-            turn = _rotation_onto(axis)
+            # The first column of an orthogonal matrix.
+            turn, upper = np.linalg.qr(np.column_stack([axis, np.eye(axis.size)]))
+            turn *= np.sign(np.concatenate([[upper[0, 0]], np.ones(axis.size - 1)]))
             block[:, column:] = block[:, column:] @ turn
     return vectors
-
-
-def _rotation_onto(axis: FloatArray) -> FloatArray:
-    """Orthogonal matrix whose first column is the unit vector `axis`."""
-    turn, upper = np.linalg.qr(np.column_stack([axis, np.eye(axis.size)]))
-    return turn * np.sign(np.concatenate([[upper[0, 0]], np.ones(axis.size - 1)]))

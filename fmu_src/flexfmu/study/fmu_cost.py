@@ -109,7 +109,7 @@ class FmuTimer:
             self._count += 1
             name = f"body{self._count}"
             path = self._folder / f"{name}.fmu"
-            package_fmu(replace(body, method=variant.method, mass=variant.mass), path, compressed=False)
+            package_fmu(replace(body, method=variant.method, mass=variant.mass), path, kept=False)
             variables = fmpy.read_model_description(str(path)).modelVariables
             inputs = [v.name for v in variables if v.causality == "input"]
             outputs = [v.name for v in variables if v.causality == "output" and v.type == "Real"]

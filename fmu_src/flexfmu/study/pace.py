@@ -16,6 +16,8 @@ _WORK, _CALM = 150, 1.25
 _MOST_BLOCKS, _PAUSE = 9, 0.01
 # Long blocks are not repeated once they have taken this long (s), if there are at least so many.
 _LONG, _FEWEST_BLOCKS = 2.0, 3
+# Where the two fastest of calm ones agree within this, others would not be faster.
+_AGREE = 1.01
 
 BLOCKS = 7
 """Blocks that count."""
@@ -75,20 +77,20 @@ def timed_piece(rows: Sequence[T], took: float) -> list[T]:
     return piece[: max(_SHORTEST, math.ceil(_BLOCK_TIME / max(took, 1e-9)))]
 
 
-def calm_blocks(block: Callable[[], T]) -> list[tuple[float, T]]:
-    """Do a block of work until the machine was calm often enough.
+def calm_blocks(block: Callable[[], tuple[float, ...]]) -> list[tuple[float, tuple[float, ...]]]:
+    """Do a block of work until the machine was calm often enough, or its fastest times agree.
 
     Parameters
     ----------
     block : callable
-        Does the work and tells how long it took.
+        Does the work and tells how long its parts took.
 
     Returns
     -------
-    list of (float, T)
+    list of (float, tuple of float)
         The calmest blocks: how much slower than at its best the machine was, and what the block told.
     """
-    done: list[tuple[float, T]] = []
+    done: list[tuple[float, tuple[float, ...]]] = []
     begun = time.perf_counter()
     for _ in range(_MOST_BLOCKS):
         before = _PACE.slowdown()
@@ -97,8 +99,11 @@ def calm_blocks(block: Callable[[], T]) -> list[tuple[float, T]]:
         wall, own = time.perf_counter() - wall, time.thread_time() - own
         shared = wall / own if own > 0.0 else 1.0
         done.append((max(before, shared, _PACE.slowdown()), told))
-        calm = sum(busy <= _CALM for busy, _ in done)
-        if calm >= BLOCKS or (len(done) >= _FEWEST_BLOCKS and time.perf_counter() - begun > _LONG):
+        calm = [told for busy, told in done if busy <= _CALM]
+        times = map(sorted, zip(*calm, strict=True))
+        agree = len(calm) >= _FEWEST_BLOCKS and all(b <= _AGREE * a for a, b, *_ in times)
+        late = len(done) >= _FEWEST_BLOCKS and time.perf_counter() - begun > _LONG
+        if len(calm) >= BLOCKS or agree or late:
             break
         if done[-1][0] > _CALM:
             # Someone else is at work: wait a little.

@@ -168,12 +168,8 @@ def _datasets(path: Path) -> Iterator[tuple[int, list[str]]]:
 def _nodes(lines: Sequence[str], dataset: int) -> dict[int, list[float]]:
     if dataset == 15:
         return {int((part := line.split())[0]): [float(one) for one in part[4:7]] for line in lines}
-    pairs = zip(lines[::2], lines[1::2], strict=True)
-    return {int(head.split()[0]): [float(one) for one in _exponents(place).split()] for head, place in pairs}
-
-
-def _exponents(line: str) -> str:
-    return line.upper().replace("D", "E")
+    pairs = zip(lines[::2], (place.upper().replace("D", "E") for place in lines[1::2]), strict=True)
+    return {int(head.split()[0]): [float(one) for one in place.split()] for head, place in pairs}
 
 
 def _add_elements(
