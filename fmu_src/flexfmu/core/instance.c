@@ -267,6 +267,9 @@ static Answer open_shadow(Instance *x, char *why) {
     return ANSWER_FAILED;
 }
 
+/* Numbers of the smallest page of memory. */
+enum { PAGE = 512 };
+
 /* Body of the parameters chosen. */
 static Answer choose(Instance *x, char *why) {
     if (x->body) return ANSWER_OK;
@@ -294,10 +297,11 @@ static Answer choose(Instance *x, char *why) {
     find_softening(body);
     if (open_shadow(x, why) != ANSWER_OK) return ANSWER_FAILED;
     x->pieces.arena.size = look_size(body, x->shadow);
-    x->pieces.arena.start = malloc((size_t)x->pieces.arena.size * sizeof(double));
+    x->pieces.arena.start = calloc((size_t)x->pieces.arena.size, sizeof(double));
     if (x->pieces.arena.start) {
         /* Memory that nobody has touched yet would cost the first look more than its slices. */
-        memset(x->pieces.arena.start, 0, (size_t)x->pieces.arena.size * sizeof(double));
+        volatile double *touched = x->pieces.arena.start;
+        for (int64_t i = 0; i < x->pieces.arena.size; i += PAGE) touched[i] = 0.0;
         return ANSWER_OK;
     }
     instance_forget_body(x);
