@@ -19,12 +19,12 @@ from .build.choices import (
     support_table,
 )
 from .build.config import read_body_file
-from .build.reduce import body_model, reduce_mesh
+from .build.reduce import body_model, read_body_mesh, reduce_mesh
 from .files.basics import BodyFileError, UnitSystem, unit_system
 from .files.outputs import Reporter, ScriptReporter, picture_html, rows_html
 from .files.store import Store
 from .fmu.built_body import BuiltBody
-from .mesh.formats import file_origin, read_mesh
+from .mesh.formats import file_origin
 from .mesh.in_memory import as_mesh
 from .mesh.model import Mesh
 from .model.methods import Mass, Method
@@ -136,13 +136,10 @@ class Body:
         >>> flexfmu.Body.read("body.toml").build(modes=6).fmu("lean.fmu")
         PosixPath('lean.fmu')
         """
-        config = read_body_file(Path(path))
-        file = config.mesh.file
         body = cls.__new__(cls)
-        with (report or ScriptReporter()).stage(f"Read {file.name}"):
-            body.mesh = read_mesh(file, config.mesh.units, config.shells, config.mesh.timeout)
-        body.spec = config
-        body._origin = file_origin(file)
+        body.spec = config = read_body_file(Path(path))
+        body.mesh = read_body_mesh(config, report or ScriptReporter())
+        body._origin = file_origin(config.mesh.file)
         return body
 
     def __repr__(self) -> str:

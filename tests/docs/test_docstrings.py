@@ -17,11 +17,10 @@ MODULES = (
     "api",
     "body.flexible_body",
     "given.modes",
-    "given.matrices",
+    "given.linear",
     "mesh.formats",
     "mesh.shells",
     "given.packing",
-    "given.sid",
 )
 BODY = """name = "arm"
 frames = 2

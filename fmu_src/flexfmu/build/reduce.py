@@ -53,11 +53,15 @@ class BodyModel:
     unused_material: bool
 
 
+def read_body_mesh(config: BodyFile, report: Reporter) -> Mesh:
+    """Read the mesh of a body file."""
+    with report.stage(f"Read {config.mesh.file.name}"):
+        return read_mesh(config.mesh.file, config.mesh.units, config.shells, config.mesh.timeout)
+
+
 def read_body_model(config: BodyFile, report: Reporter) -> BodyModel:
     """Read the mesh of a body file; see `body_model`."""
-    with report.stage(f"Read {config.mesh.file.name}"):
-        mesh = read_mesh(config.mesh.file, config.mesh.units, config.shells, config.mesh.timeout)
-    return body_model(mesh, config)
+    return body_model(read_body_mesh(config, report), config)
 
 
 def body_model(mesh: Mesh, config: BodySpec) -> BodyModel:
@@ -173,8 +177,7 @@ def reduce_mesh(
         model = store.last("model", hashlib.sha256(pickle.dumps(prepared.model)).hexdigest(), lambda: prepared.model)
         mesh, properties = model.mesh, _properties(options, model)
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
-    for text in (*mesh.notes, *map(" ".join, summary(properties))):
-        report.note(text)
+    report.tell((*mesh.notes, *map(" ".join, summary(properties))))
     _tell_doubts(mesh, options, prepared.unused_material, report)
     options, model = chosen_cuts(options, model, report, store)
     if options.cuts:
@@ -226,8 +229,7 @@ def _tell_doubts(mesh: Mesh, options: BodyOptions, unused_material: bool, report
     """Say what is hardly meant, and what may be wrong."""
     for text in (*implausible(mesh, options.units), *distant_points(mesh, options)):
         report.doubt(text)
-    for text in stretch_free(mesh):
-        report.warning(text)
+    report.tell(warnings=stretch_free(mesh))
     if unused_material:
         report.warning("[material] is not used: the mesh file gives every element a material; take one of them out")
 

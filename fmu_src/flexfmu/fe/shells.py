@@ -1,4 +1,4 @@
-"""Shells as metric elements: bricks and wedges of one layer whose strains are taken where they do not lock.
+"""Shells and beams as metric elements: bricks and wedges of one layer whose strains are taken where they do not lock.
 
 The unknowns are positions of points on both faces, so every formula of solids holds. Natural strains at some places,
 e_ij = J_iᵀ E J_j, make the energy ½ eᵀ D e (docs/theory.md, equation (2e)), with one constant matrix D an element that
@@ -6,6 +6,10 @@ holds all of the shell: plane stress, assumed shear (E. N. Dvorkin, K.-J. Bathe,
 K.-J. Bathe, Comput. Struct. 82 (2004) 945), stretch of the thickness at the corners (P. Betsch, E. Stein, Commun.
 Numer. Methods Eng. 11 (1995) 899), and four strains of its own in the plane (J. C. Simo, M. S. Rifai, Int. J. Numer.
 Meth. Engng. 29 (1990) 1595).
+
+A beam is a brick between two rigid sections, of six strains in its middle: extension, shear, curvatures and twist are
+products of positions' slopes too. One element is exact in linear statics: its shear compliance has the bending that
+linear functions lack (R. H. MacNeal, Comput. Struct. 8 (1978) 175).
 """
 
 from collections.abc import Iterable, Iterator
@@ -18,7 +22,6 @@ from ..files.basics import FloatArray, IntArray, ModelError
 from ..mesh.elements import ElementBlock, ElementType, jacobians
 from ..mesh.model import SECTION_SHARES, Material, Mesh
 from ..mesh.shapes import Quadrature, brick_rule, wedge_rule
-from .beams import ROWS as BEAM_ROWS, beam_law
 from .layers import Cells, Laminate, bent, laminates, stack, turning
 
 # By how much shear of triangles that are wide against their thickness is softened (M. Lyly, R. Stenberg, T. Vihinen,
@@ -346,3 +349,43 @@ def _softening(corners: FloatArray) -> FloatArray:
     middle = 0.5 * (corners[:, :3] + corners[:, 3:])
     longest = np.linalg.norm(middle - np.roll(middle, 1, axis=1), axis=2).max(axis=1)
     return thickness**2 / (thickness**2 + _SOFTENED * longest**2)
+
+
+BEAM_ROWS = (*((place, 2, 2) for place in range(5)), *((k, 0, 2) for k in (0, 3, 4)), *((k, 1, 2) for k in (0, 1, 2)))
+"""Place and both components of each natural strain; the third runs along the beam."""
+
+# ε, κ₁, κ₂, τ, γ₁, γ₂ of them, times what lengths make of them.
+_STRAINS = np.zeros((6, len(BEAM_ROWS)))
+_STRAINS[[0, 4, 5], [0, 5, 8]] = 2.0, 1.0, 1.0
+_STRAINS[[1, 1, 2, 2], [1, 2, 3, 4]] = _STRAINS[3, [10, 9, 6, 7]] = 1.0, -1.0, 1.0, -1.0
+
+
+def beam_law(corners: FloatArray, merged: FloatArray, constants: FloatArray, section: FloatArray) -> FloatArray:
+    """Matrix of a beam's energy ½ eᵀ D e.
+
+    Parameters
+    ----------
+    corners : (e, 8, 3) float
+        Of both sections, m.
+    merged : (r, k) float
+        Natural strains at `BEAM_ROWS`, shear twice, of those that differ.
+    constants : (e, 2) float
+        E, ν.
+    section : (e, 8) float
+        As of `ElementBlock`.
+
+    Returns
+    -------
+    (e, k, k) float
+        J.
+    """
+    modulus, shear = constants[:, 0], 0.5 * constants[:, 0] / (1.0 + constants[:, 1])
+    length = np.linalg.norm(corners[:, 4:].mean(axis=1) - corners[:, :4].mean(axis=1), axis=1)
+    a, b = np.sqrt(3.0 * section[:, 1:3] / section[:, :1]).T
+    scale = np.array([1.0 / length, 1.0 / (length * a), 1.0 / (length * b), 0.25 / (a * b), 1.0 / a, 1.0 / b])
+    soft = [1.0 / (shear * section[:, 4 + k]) + length**2 / (12.0 * modulus * section[:, 1 + k]) for k in (0, 1)]
+    stiff = np.array([*(modulus * section[:, :3].T), shear * section[:, 3], 1.0 / soft[0], 1.0 / soft[1]])
+    found = (2.0 / length * scale).T[:, :, None] * (_STRAINS @ merged)
+    # Shear is that at the shear centre, which twist moves.
+    found[:, 4:] += section[:, [7, 6], None] * np.array([[1.0], [-1.0]]) * found[:, 3:4]
+    return found.swapaxes(1, 2) @ ((length * stiff).T[:, :, None] * found)

@@ -78,6 +78,13 @@ class Reporter:
         """Say what is hardly meant; `flexfmu build` ends there unless it is told to go on."""
         self.warning(text)
 
+    def tell(self, notes: Iterable[str] = (), warnings: Iterable[str] = ()) -> None:
+        """Say notes, then warnings."""
+        for text in notes:
+            self.note(text)
+        for text in warnings:
+            self.warning(text)
+
 
 class Stages(Reporter):
     """Shows stages, and keeps notes and warnings to itself.

@@ -102,8 +102,7 @@ def simulate(
     run = _Run(fmu, outputs, end)
     span = {"start_time": start, "stop_time": end, "output_interval": interval}
     result = run.driven(span, report, input=_signals(inputs, names, loads), start_values=settings)
-    for text in run.messages:
-        report.warning(text)
+    report.tell(warnings=run.messages)
     return outputs, _columns(result, outputs)
 
 

@@ -193,10 +193,7 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
     variant = _variant(spec)
     given, notes, warnings = checked_modes(given)
     mesh, rows = _mesh(given)
-    for text in (*notes, *mesh.notes):
-        report.note(text)
-    for text in warnings:
-        report.warning(text)
+    report.tell((*notes, *mesh.notes), warnings)
     shapes = given.modes[:, rows].reshape(len(given.modes), -1).T
     options = replace(spec.options, variant=variant, stored=frozenset())
     model = _model(given, mesh, options, shapes, rows)
@@ -293,8 +290,7 @@ def _subdomains(
     floating = [free] if model.rigid.shape[1] else []
     if model.mesh.blocks:
         found, warnings = body_subdomains(options, model)
-        for text in warnings:
-            report.warning(text)
+        report.tell(warnings=warnings)
         # The floating frame is that of the given mass, not of the elements' volume.
         return [*floating, *found[len(floating) :]]
     if options.branches or (options.levels_asked and options.levels > 1):

@@ -294,8 +294,7 @@ def _divided(config: BodyOptions, model: Model, report: Reporter, springs: Seque
         interfaces = [fit_interface(table, model.mesh, subdomains) for table in config.interfaces]
     for interface in interfaces:
         _tell_interface(interface, model, subdomains, report)
-    for text in cuts:
-        report.warning(text)
+    report.tell(warnings=cuts)
     report.detail(f"{plural(len(subdomains), 'frame')}, {plural(len(interfaces), 'interface')}")
     if config.levels_asked and len(subdomains) < config.levels:
         report.warning(

@@ -90,8 +90,7 @@ def _frames(config: BodyOptions, model: Model, report: Reporter) -> tuple[list[S
     for k, (own, piece) in enumerate(pieces, start=1):
         mesh = piece.mesh
         found, warnings = body_subdomains(own, piece)
-        for text in warnings:
-            report.warning(text)
+        report.tell(warnings=warnings)
         carried = carrying_frames(len(mesh.points), found)
         # A part's mesh holds copies of the body's nodes.
         nodes = np.arange(len(points)) if len(pieces) == 1 else cKDTree(points).query(mesh.points)[1]

@@ -22,66 +22,6 @@ _WORDS = {2: "Young's modulus, Poisson's ratio", 9: "nine constants", 21: "21 co
 _PLACES = np.array([0, 1, 2, 3, 5, 4])
 
 
-class Elastic(NamedTuple):
-    """What an *ELASTIC card says, N/m².
-
-    Attributes
-    ----------
-    isotropic : tuple of float or None
-        Young's modulus and Poisson's ratio.
-    constants : tuple of float or None
-        As of `Material.constants`.
-    notes : tuple of str
-    """
-
-    isotropic: tuple[float, float] | None
-    constants: tuple[float, ...] | None
-    notes: tuple[str, ...]
-
-
-def elastic_constants(card: Card, units: UnitSystem) -> Elastic:
-    """Return the constants of an *ELASTIC card; of several temperatures those of the first.
-
-    Parameters
-    ----------
-    card : Card
-    units : UnitSystem
-
-    Returns
-    -------
-    Elastic
-
-    Raises
-    ------
-    DeckError
-        Its type is not supported, constants are missing, or it is not physical.
-    """
-    kind = card.parameters.get("TYPE", "ISO").upper()
-    count = _COUNTS.get(kind.replace(" ", ""))
-    if count is None:
-        raise card.line.error(
-            f"*ELASTIC, TYPE={kind} is not supported; give ISOTROPIC, ENGINEERING CONSTANTS, ORTHOTROPIC or "
-            "ANISOTROPIC constants"
-        )
-    rows = -(-count // _ROW)
-    values = [number(text, line, f"each of {_WORDS[count]}") for line in card.data[:rows] for text in fields(line)]
-    if not count <= len(values) <= count + 1:
-        raise card.first.error(f"*ELASTIC should have {_WORDS[count]}, found {len(values)} numbers")
-    notes = []
-    if len(card.data) > rows:
-        at = f" ({values[count]:g})" if len(values) > count else ""
-        notes.append(f"{card.line.place}: the elastic constants of the first temperature{at} are taken for all")
-    if count == 2:
-        return Elastic(_isotropic(card.data[0], values, units), None, tuple(notes))
-    matrix = _matrix(kind, np.array(values[:count]), card.data[0]) * units.stress
-    if not np.isfinite(matrix).all() or np.linalg.eigvalsh(matrix)[0] <= 0.0:
-        raise card.data[0].error(
-            "these elastic constants belong to no material: some deformation would give energy back; check their "
-            "order and Poisson's ratios"
-        )
-    return Elastic(None, tuple(matrix.ravel().tolist()), tuple(notes))
-
-
 def _isotropic(line: Line, values: list[float], units: UnitSystem) -> tuple[float, float]:
     youngs, poisson = values[0] * units.stress, values[1]
     if youngs <= 0.0:
@@ -91,8 +31,8 @@ def _isotropic(line: Line, values: list[float], units: UnitSystem) -> tuple[floa
     return youngs, poisson
 
 
-def _matrix(kind: str, values: FloatArray, line: Line) -> FloatArray:
-    """Matrix (6, 6) in the order xx, yy, zz, xy, yz, zx of an anisotropic material's constants."""
+def _matrix(kind: str, values: FloatArray, line: Line, units: UnitSystem) -> tuple[float, ...]:
+    """Matrix (6, 6) in the order xx, yy, zz, xy, yz, zx of an anisotropic material's constants, N/m², by rows."""
     matrix = np.zeros((6, 6))
     if values.size == 21:
         # Upper triangle, column by column.
@@ -112,7 +52,13 @@ def _matrix(kind: str, values: FloatArray, line: Line) -> FloatArray:
         if np.linalg.eigvalsh(compliance)[0] <= 0.0:
             raise line.error("these moduli and Poisson's ratios belong to no material; check their order")
         matrix[:] = np.linalg.inv(compliance)
-    return matrix[np.ix_(_PLACES, _PLACES)]
+    matrix = matrix[np.ix_(_PLACES, _PLACES)] * units.stress
+    if not np.isfinite(matrix).all() or np.linalg.eigvalsh(matrix)[0] <= 0.0:
+        raise line.error(
+            "these elastic constants belong to no material: some deformation would give energy back; check their "
+            "order and Poisson's ratios"
+        )
+    return tuple(matrix.ravel().tolist())
 
 
 # Hardly any solid lies outside, kg/m³; a deck whose units are not the declared ones misses by 1e6 and more.
@@ -250,7 +196,7 @@ class DeckMaterials:
         self.cards[name.upper()] = MaterialCard(name, card.line)
 
     def elastic(self, card: Card) -> None:
-        """Take an *ELASTIC card.
+        """Take an *ELASTIC card; of several temperatures the first.
 
         Parameters
         ----------
@@ -261,9 +207,26 @@ class DeckMaterials:
         DeckError
             Its type is not supported, constants are missing, or it is not physical.
         """
-        found, elasticity = elastic_constants(card, self.units), self._current(card)
-        self.notes.extend(found.notes)
-        elasticity.elastic, elasticity.constants = found.isotropic, found.constants
+        kind = card.parameters.get("TYPE", "ISO").upper()
+        count = _COUNTS.get(kind.replace(" ", ""))
+        if count is None:
+            raise card.line.error(
+                f"*ELASTIC, TYPE={kind} is not supported; give ISOTROPIC, ENGINEERING CONSTANTS, ORTHOTROPIC or "
+                "ANISOTROPIC constants"
+            )
+        rows = -(-count // _ROW)
+        values = [number(text, line, f"each of {_WORDS[count]}") for line in card.data[:rows] for text in fields(line)]
+        if not count <= len(values) <= count + 1:
+            raise card.first.error(f"*ELASTIC should have {_WORDS[count]}, found {len(values)} numbers")
+        if len(card.data) > rows:
+            at = f" ({values[count]:g})" if len(values) > count else ""
+            self.notes.append(
+                f"{card.line.place}: the elastic constants of the first temperature{at} are taken for all"
+            )
+        isotropic = _isotropic(card.data[0], values, self.units) if count == 2 else None
+        constants = None if count == 2 else _matrix(kind, np.array(values[:count]), card.data[0], self.units)
+        made = self._current(card)
+        made.elastic, made.constants = isotropic, constants
 
     def density(self, card: Card) -> None:
         """Take a *DENSITY card.

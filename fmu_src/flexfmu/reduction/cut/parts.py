@@ -71,8 +71,7 @@ def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Stor
     if config.find_cuts:
         with report.stage("Look for loops to cut"):
             found, opened, notes = cut_loops(config, model)
-        for text in notes:
-            report.note(text)
+        report.tell(notes)
         return found, opened
     if not (config.may_cut and _closes_loops(model)):
         return config, model
@@ -85,8 +84,7 @@ def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Stor
     report.note(choice.reason)
     if not choice.cut:
         return (replace(config, levels=1, may_cut=False) if choice.whole else config), model
-    for text in notes:
-        report.note(text)
+    report.tell(notes)
     return found, opened
 
 
