@@ -302,6 +302,7 @@ static Answer choose(Instance *x, char *why) {
         /* Memory that nobody has touched yet would cost the first look more than its slices. */
         volatile double *touched = x->pieces.arena.start;
         for (int64_t i = 0; i < x->pieces.arena.size; i += PAGE) touched[i] = 0.0;
+        if (x->shadow) memset(x->shadow->scratch.four, 0, (size_t)(LANES * x->shadow->p->modes) * sizeof(double));
         return ANSWER_OK;
     }
     instance_forget_body(x);
