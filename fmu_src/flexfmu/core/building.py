@@ -106,12 +106,10 @@ def system_compiler() -> list[str] | None:
     return None
 
 
-def zig_compiler(python: str = sys.executable) -> list[str] | None:
+def zig_compiler() -> list[str] | None:
     """`ziglang` of pip as a command; None where it is not installed."""
-    probe = [python, "-c", "import importlib.util, sys; sys.exit(importlib.util.find_spec('ziglang') is None)"]
-    if subprocess.run(probe, check=False).returncode:
-        return None
-    return [python, "-m", "ziglang", "cc"]
+    probe = [sys.executable, "-c", "import importlib.util, sys; sys.exit(importlib.util.find_spec('ziglang') is None)"]
+    return None if subprocess.run(probe, check=False).returncode else [sys.executable, "-m", "ziglang", "cc"]
 
 
 def command(compiler: Sequence[str], output: Path, target: str | None = None, extra: Sequence[str] = ()) -> list[str]:

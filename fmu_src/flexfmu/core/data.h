@@ -65,9 +65,11 @@ typedef struct {
     double most;      /* work that one call may take, discarded tries included, in internal steps of ordinary cost */
 } StepLimits;
 
+/* What a step took, and its error; how far steps have led the motion astray (3, m), coordinates, rates and how fast the force changes,
+ * which goes on; null where nobody asks. */
 typedef struct {
     int64_t substeps, iterations;
-    double error;
+    double error, *astray;
 } Work;
 
 /* Where deformation was last looked at: the undeformed body at first. Memory of a body, which no result depends on. */

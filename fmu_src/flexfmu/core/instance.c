@@ -82,6 +82,7 @@ static Overwritten take_overwritten(const Instance *x, Arena *arena) {
     for (size_t i = 0; i < sizeof by_load / sizeof *by_load; i++) *by_load[i] = take(arena, x->loads);
     for (size_t i = 0; i < sizeof by_mode / sizeof *by_mode; i++) *by_mode[i] = take(arena, x->modes);
     over.seen = take(arena, x->loads + 3 * x->modes);
+    over.astray = take(arena, 3 * x->modes);
     return over;
 }
 
@@ -100,6 +101,7 @@ static void lay_out(Instance *x, Arena *arena) {
     x->v = take(arena, x->modes);
     x->seen = take(arena, x->loads);
     x->drift = take(arena, 3 * x->modes);
+    x->astray = take(arena, 3 * x->modes);
     x->states = take(arena, STATES * (x->modes + x->loads));
     x->number_count = arena->used - before;
     x->own = x->over = take_overwritten(x, arena);
@@ -417,7 +419,8 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
     scale_inputs(&x->scale, description(x), x->over.start_inputs, x->over.start_inputs);
     scale_inputs(&x->scale, description(x), x->over.end_inputs, x->over.end_inputs);
     int64_t hint = (int64_t)fmax(x->single[S_HINT], ceil(fewest));
-    Work work = {0, 0, 0.0};
+    Work work = {0, 0, 0.0, x->over.astray};
+    memcpy(x->over.astray, x->astray, (size_t)(3 * m) * sizeof(double));
     memcpy(x->over.q1, x->q, (size_t)m * sizeof(double));
     memcpy(x->over.v1, x->v, (size_t)m * sizeof(double));
     const int answer = body_step(x->body, x->over.start_inputs, ramps ? x->over.end_inputs : 0, within, x->over.q1, x->over.v1, &hint, &work);
@@ -429,6 +432,7 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
     if (verdict != ANSWER_OK) return instance_failed(x, verdict);
     memcpy(x->q, x->over.q1, (size_t)m * sizeof(double));
     memcpy(x->v, x->over.v1, (size_t)m * sizeof(double));
+    memcpy(x->astray, x->over.astray, (size_t)(3 * m) * sizeof(double));
     /* A derivative holds for one step, at whose end the input stays where it has grown to. */
     for (int64_t i = 0; i < x->loads; i++) {
         if (x->input_rate[i] != 0.0) x->input[i] += x->input_rate[i] * step;

@@ -51,9 +51,9 @@ typedef void (*Teller)(void *to, int status, const char *text);
 enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4, CACHED_ERROR = 8, CACHED_REST = 16 };
 
 /* What calls overwrite: loads at a step's start and end, (L) like `room`; where it ends, (m) like `shape`; loads that were last looked
- * at, and drift, (L + 3m). */
+ * at, and drift, (L + 3m); where steps have led astray, (3m). */
 typedef struct {
-    double *start_inputs, *end_inputs, *seen, *room, *q1, *v1, *shape;
+    double *start_inputs, *end_inputs, *seen, *astray, *room, *q1, *v1, *shape;
 } Overwritten;
 
 /* First what every step takes. Numbers lie behind. */
@@ -64,7 +64,7 @@ typedef struct {
     Scale scale;     /* of the parameters, where the body is known */
     int64_t modes, loads;
     /* All that the future depends on, one run of numbers from the parameters on. */
-    double *parameter, *input, *input_rate, *previous, *single, *q, *v, *seen, *drift, *states;
+    double *parameter, *input, *input_rate, *previous, *single, *q, *v, *seen, *drift, *astray, *states;
     /* What is found when it is asked for. */
     double *motion, *rates;
     Overwritten over;

@@ -46,7 +46,8 @@ static double diagnose_spin(Instance *x) { return body_spin(x->body, x->q, x->v)
 static double of_course(const Instance *x, size_t place) { return x->single[S_COURSE + place / sizeof(double)]; }
 static double diagnose_momentum(Instance *x) { return of_course(x, offsetof(Course, momentum.drift)); }
 static double diagnose_truncation(Instance *x) { return of_course(x, offsetof(Course, truncation.error)); }
-static double diagnose_inertia(Instance *x) { return of_course(x, offsetof(Course, inertia.error)); }
+static double diagnose_inertia(Instance *x) { return of_course(x, offsetof(Course, astray.error[BY_MASS])); }
+static double diagnose_astray(Instance *x) { return of_course(x, offsetof(Course, astray.error[BY_STEPS])); }
 
 static double diagnose_step_error(Instance *x) { return x->single[S_ERROR]; }
 

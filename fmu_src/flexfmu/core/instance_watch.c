@@ -36,7 +36,7 @@ Answer step_refused(const Instance *x) {
 
 /* What the monitor remembers lies among the numbers of the state. */
 static Memory recalled(const Instance *x) {
-    Memory memory = {.inputs = x->seen, .drift = x->drift, .states = x->states, .largest = x->single[S_LARGEST], .beyond = x->single[S_BEYOND]};
+    Memory memory = {.inputs = x->seen, .drift = x->drift, .astray = x->astray, .states = x->states, .largest = x->single[S_LARGEST], .beyond = x->single[S_BEYOND]};
     memcpy(memory.warned, x->single + S_WARNED, sizeof memory.warned);
     memcpy(&memory.course, x->single + S_COURSE, sizeof memory.course);
     memcpy(&memory.error, x->single + S_SEEN, sizeof memory.error);
@@ -84,6 +84,7 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
     Memory memory = recalled(x);
     Findings found;
     Answer answer = ANSWER_OK;
+    if (step > 0.0 && !rests) memory.astray = x->over.astray;
     /* A body at rest is where it was. */
     const size_t size = (size_t)x->body->p->modes * sizeof(double), kept = (size_t)(x->loads + 3 * x->modes) * sizeof(double);
     const int still = step > 0.0 && (x->cached & CACHED_MOTION) && memcmp(q, x->q, size) == 0 && memcmp(v, x->v, size) == 0;

@@ -218,15 +218,20 @@ static void turning_round(const Monitor *monitor, const StepEnd *end, Memory *me
     if (text) snprintf(text, FINDING_TEXT, SAY_TURNING_ROUND);
 }
 
-static void inertia(Body *body, const Watch *watch, const StepEnd *end, Memory *memory, Findings *found) {
-    body_missed_inertia(body, end, memory->drift, &memory->course.inertia);
-    if (!(watch->limit > 0.0) || !(memory->course.inertia.error > watch->limit)) return;
-    char *text = add_finding(found, watch->action, &memory->warned[WATCH_INERTIA]);
-    if (!text) return;
-    snprintf(text, FINDING_TEXT, SAY_INERTIA, body->p->inertial ? "the mass polynomial" : "constant mass",
-             100.0 * memory->course.inertia.error, 100.0 * watch->limit,
-             body->p->inertial ? "with mass = \"configuration\" in [formulation]"
-                               : "with mass = \"polynomial\" in [formulation], which bodies in one piece have");
+static void going_astray(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
+    static const int watches[CAUSES] = {WATCH_INERTIA, WATCH_ASTRAY};
+    Body *body = monitor->body;
+    body_astray(body, end, memory->drift, memory->astray, &memory->course.astray);
+    for (int k = 0; k < CAUSES; k++) {
+        const Watch *watch = monitor->watch + watches[k];
+        const double error = memory->course.astray.error[k];
+        char *text = watch->limit > 0.0 && error > watch->limit ? add_finding(found, watch->action, memory->warned + watches[k]) : 0;
+        if (text && k == BY_STEPS) snprintf(text, FINDING_TEXT, SAY_ASTRAY, 100.0 * error, 100.0 * watch->limit);
+        if (!text || k == BY_STEPS) continue;
+        snprintf(text, FINDING_TEXT, SAY_INERTIA, body->p->inertial ? "the mass polynomial" : "constant mass", 100.0 * error, 100.0 * watch->limit,
+                 body->p->inertial ? "with mass = \"configuration\" in [formulation]"
+                                   : "with mass = \"polynomial\" in [formulation], which bodies in one piece have");
+    }
 }
 
 static void truncation(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
@@ -476,7 +481,7 @@ void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *
         spinning(monitor, q, v, memory, found);
         momentum(body, watch + WATCH_MOMENTUM, q, v, memory, found);
     }
-    if (end->step > 0.0 && !body->p->rigid && (body->p->inertial ? body->p->mass_products : body->p->mass_forms)) inertia(body, watch + WATCH_INERTIA, end, memory, found);
+    if (end->step > 0.0 && !body->p->rigid && (forces_depend(body) || body->p->stretches || !mass_is_exact(body->p))) going_astray(monitor, end, memory, found);
     if (body->p->rigid == 6 && !body->p->followers) turning_round(monitor, end, memory, found);
     if (!end->rests) loads_due(monitor, inputs, memory, due);
     /* A step that may be refused, and the start, are looked at in full. */

@@ -35,7 +35,7 @@ typedef struct {
 /* Of the whole motion so far. */
 typedef struct {
     Momentum momentum;
-    MissedInertia inertia;
+    Astray astray;
     Truncation truncation;
     double calm; /* of loads that push a free body together: theirs at a right angle over the least couple they made */
 } Course;
@@ -65,6 +65,7 @@ typedef struct {
 typedef struct {
     double *inputs;          /* (L): loads for which stability was last looked at */
     double *drift;           /* (3, m): of what the mass leaves out */
+    const double *astray;    /* (3, m): of what steps leave out, which they follow themselves */
     double *states;          /* (STATES, m + L): q and loads that are looked at, and of those that wait */
     Looking looking;
     double largest;          /* square of the largest loads so far */

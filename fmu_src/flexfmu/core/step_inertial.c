@@ -21,6 +21,7 @@ typedef struct {
     Rule own;             /* of the internal step at hand, with the modes' masses in it */
     double *v1, *free_q, *free_v, *first, *last, *force, *mean, *growth, *pushed, *bare, *momentum, *impulse, *gradient, *half, *off;
     double *before, *after; /* (m): accelerations at both ends */
+    double *acted, *acts, *acting; /* (m): what loads and membrane energy do at both ends, and in the mean */
     double *trend;        /* (m): change of the force over the internal step before */
     double *excess;       /* (m): what the modes' masses have beyond one, m_j - 1 */
     double *size;         /* (m): what a change of the mean counts */
@@ -33,7 +34,7 @@ static void take_inertial(const Body *body, Arena *arena, Inertial *x) {
     const int64_t m = p->modes, r = p->inertial_modes;
     double **each[] = {&x->v1, &x->free_q, &x->free_v, &x->first, &x->last, &x->force, &x->mean, &x->growth, &x->pushed, &x->bare,
                        &x->momentum, &x->impulse, &x->gradient, &x->half, &x->off, &x->before, &x->after, &x->trend, &x->excess,
-                       &x->size};
+                       &x->size, &x->acted, &x->acts, &x->acting};
     take_step(body, arena, &x->step);
     take_flow(body, arena, &x->flow);
     take_learning(m, MOST_ROUNDS, arena, &x->learning);
@@ -49,7 +50,7 @@ static double resisted(const Body *body, const double *q, const double *v, int64
 
 /* Accelerations at one end. They start the iteration and tell the error: the mass may be that of a place nearby. 0 where it
  * is none. */
-static int accelerate(Inertial *x, const Configuration *at, const double *v, double *out) {
+static int accelerate(Inertial *x, const Configuration *at, const double *v, double *acts, double *out) {
     Step *s = &x->step;
     Body *body = s->body;
     const int64_t m = body->p->modes, r = body->p->inertial_modes;
@@ -57,6 +58,7 @@ static int accelerate(Inertial *x, const Configuration *at, const double *v, dou
     modal_force(body, &s->loads, 1, at, 0, &s->scratch, out);
     stretch_at(body, at->q, s->to);
     subtract_stretch_force(body, s->to, s->to, out);
+    memcpy(acts, out, (size_t)m * sizeof(double));
     convective_force(body, at, v, &x->flow, convective);
     for (int64_t j = 0; j < m; j++) out[j] -= resisted(body, at->q, v, j) + convective[j];
     subtract_damping(body, v, out);
@@ -127,7 +129,7 @@ static int begin(Step *s) {
     const double *q = s->here->q, *v = s->v0;
     if (!own_rule(x)) return 0;
     if (s->all->inputs_end) spread_at(s, (double)s->number + 0.5);
-    if ((s->all->inputs_end || s->number == 0) && !accelerate(x, s->here, v, x->before)) return 0;
+    if ((s->all->inputs_end || s->number == 0) && !accelerate(x, s->here, v, x->acted, x->before)) return 0;
     end_force(x, q, v, x->before, x->first);
     for (int64_t j = 0; j < p->inertial_modes; j++) x->momentum[j] -= x->excess[j] * v[j];
     x->start_work = force_work(s->body, &s->loads, s->here);
@@ -184,9 +186,10 @@ static int residual(Step *s) {
     excess_momentum(body, s->there, x->v1, &x->flow, x->impulse);
     for (int64_t j = 0; j < m; j++) x->impulse[j] -= x->excess[j] * x->v1[j] + x->momentum[j];
     find_factor(x);
-    for (int64_t j = 0; j < m; j++) x->force[j] = x->pushed[j] + x->gradient[j] + s->factor * s->way[j] - x->impulse[j] / h;
+    for (int64_t j = 0; j < m; j++) x->acting[j] = x->pushed[j] + s->factor * s->way[j];
     stretch_at(body, s->q1, s->to);
-    subtract_stretch_force(body, s->from, s->to, x->force);
+    subtract_stretch_force(body, s->from, s->to, x->acting);
+    for (int64_t j = 0; j < m; j++) x->force[j] = x->acting[j] + x->gradient[j] - x->impulse[j] / h;
     for (int64_t j = 0; j < m; j++) x->half[j] = s->way[j] / h;
     subtract_damping(body, x->half, x->force);
     for (int64_t j = 0; j < m; j++) x->off[j] = x->mean[j] - x->force[j];
@@ -227,9 +230,10 @@ static int accept(Step *s, double *error) {
     configure_linear(body, body->need, s->q1, s->there);
     configure_places(body, body->need, s->there);
     excess_momentum(body, s->there, x->v1, &x->flow, x->momentum);
-    if (!accelerate(x, s->there, x->v1, x->after)) return 0;
+    if (!accelerate(x, s->there, x->v1, x->acts, x->after)) return 0;
     end_force(x, s->there->q, x->v1, x->after, x->last);
     *error = leading_error(s, x->first, x->last, x->v1);
+    lead_astray(s, x->acted, x->acts, x->acting);
     return 1;
 }
 
@@ -239,6 +243,9 @@ static void pass(Step *s) {
     for (int64_t j = 0; j < s->body->p->modes; j++) x->trend[j] = x->last[j] - x->first[j];
     x->before = x->after;
     x->after = kept;
+    kept = x->acted;
+    x->acted = x->acts;
+    x->acts = kept;
     s->v0 = x->v1;
     x->v1 = rates;
     pass_on(s);

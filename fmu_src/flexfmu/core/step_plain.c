@@ -123,6 +123,7 @@ static int accept(Step *s, double *error) {
     stretch_at(body, s->q1, s->to);
     x->end_work = end_force(s, s->there, s->to, s->v0, x->last);
     *error = leading_error(s, x->first, x->last, s->v0);
+    lead_astray(s, x->first, x->last, x->mean);
     return 1;
 }
 

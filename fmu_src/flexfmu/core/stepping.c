@@ -81,7 +81,7 @@ void step_demand(const Body *body, Arena *arena) {
 enum { DIVISIBLE, EXACT, SHORT };
 
 /* A step of any length where no load depends on q: nothing to iterate, nothing to divide. */
-static int exact_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v) {
+static int exact_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v, double *astray) {
     const int64_t m = body->p->modes;
     Arena arena = work_arena(body);
     Exact room;
@@ -108,6 +108,7 @@ static int exact_step(Body *body, const double *inputs, const double *inputs_end
         q[j] = r->p11[j] * start + r->p12[j] * v[j] + r->gq[j] * mean[j] + r->ramp[j] * growth[j];
         v[j] = r->p21[j] * start + r->p22[j] * v[j] + r->gv[j] * mean[j] + r->ramp_rate[j] * growth[j];
     }
+    if (astray && !all_zero(astray, 2 * m)) carry_astray(r, astray, m);
     return EXACT;
 }
 
@@ -163,7 +164,7 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
     work->iterations = 0;
     if (least > most) return FLEX_TOO_MANY_STEPS;
     const int64_t fewest = (int64_t)least;
-    Substeps all = {inputs, inputs_end, 0.0, 0, body->limits.tolerance, 0, (int64_t)rounds, 0.0, 0};
+    Substeps all = {inputs, inputs_end, 0.0, 0, body->limits.tolerance, 0, (int64_t)rounds, 0.0, 0, work->astray};
     all.count = larger(fewest, *hint);
     if ((double)all.count > most) all.count = (int64_t)most;
     int answer = UNSETTLED;
@@ -194,7 +195,7 @@ static int step_in_workspace(Body *body, const double *inputs, const double *inp
     const int64_t m = body->p->modes;
     const size_t size = (size_t)m * sizeof(double);
     if (!(isfinite(step) && step > 0.0)) return FLEX_BAD_STEP;
-    Work done = {1, 0, 0.0};
+    Work done = {1, 0, 0.0, work->astray};
     if (step <= INDIVISIBLE) {
         *work = done;
         return FLEX_OK;
@@ -210,7 +211,7 @@ static int step_in_workspace(Body *body, const double *inputs, const double *inp
     double *q1 = body->scratch.end_q, *v1 = body->scratch.end_v;
     memcpy(q1, q, size);
     memcpy(v1, v, size);
-    const int found = exact_step(body, inputs, inputs_end, step, q1, v1);
+    const int found = exact_step(body, inputs, inputs_end, step, q1, v1, work->astray);
     if (found == SHORT) return FLEX_NO_ROOM;
     if (found == DIVISIBLE) {
         const int answer = divided_step(body, inputs, inputs_end, step, q, v, &next, work);

@@ -22,6 +22,7 @@ void take_step(const Body *body, Arena *arena, Step *step) {
     step->q1 = take(arena, m);
     step->way = take(arena, m);
     step->between = take(arena, body->p->loads);
+    step->astray = take(arena, 3 * m);
 }
 
 int internal_steps(const Stepper *stepper, Step *step, Body *body, Substeps *all, double *q, double *v) {
@@ -34,6 +35,8 @@ int internal_steps(const Stepper *stepper, Step *step, Body *body, Substeps *all
     step->to = &step->stretches[1];
     all->worst = 0.0;
     all->massless = 0;
+    const size_t size = (size_t)(3 * body->p->modes) * sizeof(double);
+    if (all->astray) memcpy(step->astray, all->astray, size);
     stepper->enter(step, q, v);
     for (step->number = 0; step->number < all->count; step->number++) {
         if (all->rounds >= all->most_rounds) return EXHAUSTED;
@@ -53,6 +56,7 @@ int internal_steps(const Stepper *stepper, Step *step, Body *body, Substeps *all
         stepper->pass(step);
     }
     stepper->leave(step, q, v);
+    if (all->astray) memcpy(all->astray, step->astray, size);
     return DONE;
 }
 
@@ -134,4 +138,29 @@ double leading_error(const Step *s, const double *first, const double *last, con
         energy += strained * strained + v[j] * v[j];
     }
     return energy > 0.0 ? sqrt(error / energy) : 0.0;
+}
+
+void carry_astray(const Rule *r, double *astray, int64_t modes) {
+    double *off = astray, *rate = astray + modes;
+    for (int64_t j = 0; j < modes; j++) {
+        const double was = off[j];
+        off[j] = r->p11[j] * was + r->p12[j] * rate[j];
+        rate[j] = r->p21[j] * was + r->p22[j] * rate[j];
+    }
+}
+
+void lead_astray(Step *s, const double *first, const double *last, const double *mean) {
+    const int64_t m = s->body->p->modes;
+    const Rule *r = s->rule;
+    double *off = s->astray, *rate = off + m, *trend = rate + m;
+    if (!s->all->astray) return;
+    carry_astray(r, s->astray, m);
+    for (int64_t j = 0; j < m; j++) {
+        /* A parabola through what acts at both ends and, by its trend, before tells the mean that the force truly has. */
+        const double change = last[j] - first[j], curved = change - trend[j] * s->all->step;
+        const double missed = 0.5 * (first[j] + last[j]) - curved / 12.0 - mean[j];
+        off[j] += r->gq[j] * missed + r->ramp[j] * change;
+        rate[j] += r->gv[j] * missed + r->ramp_rate[j] * change;
+        trend[j] = change / s->all->step;
+    }
 }

@@ -16,6 +16,7 @@ typedef struct {
     int64_t rounds, most_rounds;
     double worst;
     int massless; /* 1 where the deformed body's mass was not positive */
+    double *astray; /* that of Work */
 } Substeps;
 
 /* The discrete gradient's bracket is skipped below this part of what it is a difference of: it is round-off there, cubic in
@@ -37,6 +38,7 @@ typedef struct {
     ForceRoom scratch;
     double *v0, *q1, *way;
     double *between; /* (L): loads at a place between */
+    double *astray;  /* (3, m): that of the steps, up to here */
     double change;   /* of the last round, relative to the motion */
     double factor;   /* of the way in the discrete gradient (9) */
     double blur;     /* how much of that factor is uncertain */
@@ -93,5 +95,9 @@ Progress progress_of(Step *step, double moved, double scale, double blurred, dou
 double felt(double turn);
 /* What the force's change over the step would do beyond its mean is the leading error. */
 double leading_error(const Step *step, const double *first, const double *last, const double *v);
+/* Coordinates and rates (m) by which motion is off go on as the modes do, pushed by nothing. */
+void carry_astray(const Rule *rule, double *astray, int64_t modes);
+/* Add what an internal step does to them: its force goes from `first` to `last`, of which it takes `mean` alone. */
+void lead_astray(Step *step, const double *first, const double *last, const double *mean);
 
 #endif

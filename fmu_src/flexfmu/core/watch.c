@@ -249,7 +249,8 @@ static double linear_reach(const Program *p, const double *q) {
 /* Deflection over the size of the body below which no motion matters. */
 static const double UNSEEN = 1e-3;
 
-/* Of the polynomial's error over what the next order makes it: orders after that may add as much again. */
+/* Of the polynomial's error over what the next order makes it: orders after that may add as much again. Of that of steps over what
+ * follows it as vibrations of the undeformed body: how errors change forces may add as much. */
 static const double BEYOND = 2.0;
 
 /* Momentum that the mass of steps leaves out, and how it pushes; where the step is half over. */
@@ -292,17 +293,22 @@ static void follow_drift(Body *body, const StepEnd *end, double *off, double *ra
     }
 }
 
-void body_missed_inertia(Body *body, const StepEnd *end, double *drift, MissedInertia *so_far) {
+int mass_is_exact(const Program *p) { return p->inertial ? !p->mass_products : !p->mass_forms; }
+
+void body_astray(Body *body, const StepEnd *end, double *drift, const double *astray, Astray *so_far) {
     const Program *p = body->p;
     const int64_t m = p->modes;
     /* Nothing is left out of what does not move. */
-    if (!all_zero(end->v, m) || !all_zero(end->v0, m) || !all_zero(drift, 3 * m)) follow_drift(body, end, drift, drift + m, drift + 2 * m);
-    const double least = UNSEEN * p->body_size[0];
+    if (!mass_is_exact(p) && (!all_zero(end->v, m) || !all_zero(end->v0, m) || !all_zero(drift, 3 * m)))
+        follow_drift(body, end, drift, drift + m, drift + 2 * m);
+    const double *off[CAUSES] = {drift, astray}, beyond[CAUSES] = {p->inertial ? BEYOND : 1.0, BEYOND}, least = UNSEEN * p->body_size[0];
     so_far->time += end->step;
-    so_far->off += end->step * linear_reach(p, drift);
     so_far->moved += end->step * linear_reach(p, end->q);
-    if (isfinite(so_far->off) && so_far->off > 0.0)
-        so_far->error = (p->inertial ? BEYOND : 1.0) * sqrt(so_far->off / fmax(so_far->moved, least * least * so_far->time));
+    for (int k = 0; k < CAUSES; k++) {
+        so_far->off[k] += end->step * linear_reach(p, off[k]);
+        if (isfinite(so_far->off[k]) && so_far->off[k] > 0.0)
+            so_far->error[k] = beyond[k] * sqrt(so_far->off[k] / fmax(so_far->moved, least * least * so_far->time));
+    }
 }
 
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far) {

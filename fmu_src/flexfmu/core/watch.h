@@ -33,11 +33,12 @@ typedef struct {
     double impulse[3], angle[3], rate[3], largest, drift;
 } Momentum;
 void body_momentum(Body *body, const double *q, const double *v, Momentum *so_far);
-/* What the mass of steps leaves out of a motion so far: seconds, integrals of the squares of how far interfaces are off and have
- * moved, m2 s, and the error of the motion that follows, rms. */
+/* How far a motion is off by what the mass leaves out, and by what steps leave out: seconds so far, integrals of the squares of how
+ * far interfaces have moved and were off, m2 s, and the error of the motion that follows, rms. */
+enum { BY_MASS, BY_STEPS, CAUSES };
 typedef struct {
-    double time, off, moved, error;
-} MissedInertia;
+    double time, moved, off[CAUSES], error[CAUSES];
+} Astray;
 /* How far modes that are no vibrations of the finite element model have moved interfaces out of phase: seconds so far, the largest
  * square of that, m2, and of linear displacements of interfaces; the error of the motion that follows. `ahead` is workspace
  * of m numbers. */
@@ -45,7 +46,10 @@ typedef struct {
     double time, mixed, moved, error;
 } Truncation;
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far);
-/* `drift` (3, m): how far coordinates and rates are off, and the momentum that is left out, where the step began and ends. */
-void body_missed_inertia(Body *body, const StepEnd *end, double *drift, MissedInertia *so_far);
+/* Whether the mass of steps leaves nothing out. */
+int mass_is_exact(const Program *p);
+/* `drift` (3, m): how far coordinates and rates are off by the mass, and the momentum that it leaves out, where the step began and
+ * ends; `astray`: those by the steps, where it ends. */
+void body_astray(Body *body, const StepEnd *end, double *drift, const double *astray, Astray *so_far);
 
 #endif

@@ -88,7 +88,7 @@ _COLUMNS |= {f"m{axis}": f"the moment about {axis}" for axis in AXES}
 _UNITS = {"uf": "m/N", "um": "m/(N.m)", "rf": "rad/N", "rm": "rad/(N.m)"}
 
 # Limits of relative errors of displacements.
-_OF_ERRORS = ("ERROR_LIMIT", "TRUNCATION_LIMIT", "INERTIA_LIMIT")
+_OF_ERRORS = ("ERROR_LIMIT", "TRUNCATION_LIMIT", "INERTIA_LIMIT", "ASTRAY_LIMIT")
 
 Words = dict[str, str]
 
@@ -98,6 +98,7 @@ CONDITIONS: dict[str, Callable[[ReducedBody], bool]] = {
     "rates": lambda body: body.velocity_outputs,
     "free": lambda body: body.rigid_count > 0,
     "turning": lambda body: bool(body.polynomial) and body.mass is not Mass.CONFIGURATION and not body.rigid_count,
+    "held": lambda body: body.ties is None and not body.rigid_count,
     "fixable": lambda body: body.root_interface != GROUND,
     "certified": lambda body: body.shadow is not None,
     "truncated": lambda body: body.frequency_spread is not None,
