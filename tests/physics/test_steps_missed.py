@@ -46,7 +46,9 @@ def test_what_is_told_is_the_error_of_steps_or_a_little_more(bodies, tmp_path, m
         assert len(driven.log) == (told.max() > 0.01)
         for status, text in driven.log:
             assert status == 1
-            assert f"the length of the steps makes the motion wrong by some {100.0 * told[told > 0.01][0]:.3g} %" in text
+            assert (
+                f"the length of the steps makes the motion wrong by some {100.0 * told[told > 0.01][0]:.3g} %" in text
+            )
     # Of second order.
     assert known[0] > 0.01
     assert known[1] < known[0] / 2.5
