@@ -132,11 +132,11 @@ def reduce_body(
     -------
     ReducedBody
     """
-    file, origin, store = config.mesh.file, file_origin(config.mesh.file), store or Store()
+    file, store = config.mesh.file, store or Store()
     with report.stage(f"Read {file.name}"):
         read = partial(read_mesh, file, config.mesh.units, config.shells, config.mesh.timeout)
-        mesh = store.last("mesh", repr((origin, config.mesh, config.shells)), read)
-    return reduce_mesh(mesh, config, origin, report, store, levels)
+        mesh = store.last("mesh", repr((file.is_file() and file.stat().st_mtime_ns, config.mesh, config.shells)), read)
+    return reduce_mesh(mesh, config, file_origin(file), report, store, levels)
 
 
 @in_one_thread
