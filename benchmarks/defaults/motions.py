@@ -35,7 +35,7 @@ SHARES, STEPS, FAST_STEPS, PERIODS = (0.2, 0.5), 50, 20, 3
 # Share of the static energy from which a mode is one to be resolved.
 SEEN = 0.1
 FRAMES, TIGHT = 16, StepLimits(0.0, 1e-5)
-TOLD = ("error", "inertia_missed", "truncation")
+TOLD = ("error", "inertia_missed", "steps_missed", "truncation")
 WRONG = 0.01
 
 
@@ -132,7 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     rows: dict[str, list[dict[str, object]]] = {}
     for row in read_records(chosen.output) if chosen.output.exists() else []:
-        rows.setdefault(row["body"], []).append(dict(row))
+        rows.setdefault(row["body"], []).append(dict(row) | {word: row.get(word, "") for word in TOLD})
     for name in chosen.body or known:
         rows[name] = list(measure(known[name]()))
         print(summary([{k: str(v) for k, v in row.items()} for row in rows[name]]), name, flush=True)
