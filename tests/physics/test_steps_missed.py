@@ -61,15 +61,34 @@ def test_steps_that_are_exact_miss_nothing(bodies, tmp_path):
     assert not driven.log
 
 
-def test_a_step_that_is_taken_back_or_repeated_leaves_nothing_behind(bodies, tmp_path):
+def test_steps_that_are_repeated_or_refused_between_change_nothing_of_it(bodies, tmp_path):
     driven, told, _ = swung(tmp_path, beam(bodies, "second_order", "constant"), 0.01)
-    before = driven.state
-    following = []
-    for _ in range(2):
+    before, following = driven.state, []
+    for refused in (0, 1, 2):
         driven.state = before
+        for _ in range(refused):
+            driven.set(**{"tip.force.z": 1e12})
+            assert not driven.taken(0.01)
+            driven.set(**{"tip.force.z": FORCE})
         assert driven.taken(0.01)
         following.append(driven.get(MISSED)[0])
-        driven.set(**{"tip.force.z": 1e12})
-        assert not driven.taken(0.01)
-        assert driven.get(MISSED)[0] == following[-1]
-    assert following[0] == following[1] != told[-1]
+    assert following == 3 * [following[0]]
+    assert following[0] != told[-1]
+
+
+def test_a_step_whose_end_is_refused_is_not_counted(bodies, tmp_path):
+    """It was taken, and found beyond a limit."""
+    start = {"watch.steps_missed.limit": 0.005, "watch.steps_missed.on_limit": "discard"}
+    driven = Driven(beam(bodies, "second_order", "constant"), tmp_path, **(LONG | start))
+    driven.set(**{"tip.force.z": FORCE})
+    while driven.taken(0.01):
+        before = driven.get(MISSED)[0]
+    assert 0.0 < before <= 0.005
+    kept, after = driven.state, []
+    for refused in (0, 1, 2):
+        driven.state = kept
+        for _ in range(refused):
+            assert not driven.taken(0.01)
+        assert driven.taken(1e-4)
+        after.append(driven.get(MISSED)[0])
+    assert after == 3 * [after[0]]
