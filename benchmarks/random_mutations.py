@@ -241,6 +241,7 @@ def all_mutations(package: Path) -> list[Mutation]:
         "arena",
         "refusals",
         "monitor",
+        "looks",
         "participant",
     )
     data = (

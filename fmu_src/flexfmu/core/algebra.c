@@ -40,8 +40,7 @@ int lu_factor(double *a, int64_t *pivot, int64_t n, Slice *slice) {
     COUNT(2 * n * n * n / 3);
     Rows rows = rows_due(slice, pairs_of(n), (double)(n + 24));
     int64_t i, k;
-    pair_of(pairs_of(n) - 1 - rows.at, &i, &k);
-    i = n - 1 - i, k = n - 1 - k;
+    column_pair_of(rows.at, n, &k, &i);
     for (; rows.at < rows.end; rows.at++) {
         if (k == i) {
             int64_t best = i;
@@ -103,7 +102,7 @@ void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n, S
 int cholesky(double *a, int64_t n, Slice *slice) {
     Rows rows = rows_due(slice, pairs_of(n), (double)(n / 2 + 16));
     int64_t i, j;
-    pair_of(rows.at, &i, &j);
+    column_pair_of(rows.at, n, &i, &j);
     for (; rows.at < rows.end; rows.at++) {
         const double rest = a[i * n + j] - dot(a + i * n, a + j * n, j);
         if (j < i) {
@@ -114,7 +113,7 @@ int cholesky(double *a, int64_t n, Slice *slice) {
             /* In pieces the last row tells. */
             a[i * n + i] = positive ? sqrt(rest) : NAN;
         }
-        if (++j > i) i++, j = 0;
+        if (++i == n) i = ++j;
     }
     return !slice || !caught_up(slice) || isfinite(a[n * n - 1]);
 }

@@ -11,6 +11,9 @@
 #include "statics.h"
 #include "tree.h"
 
+/* Blocks of pieces: of the body, and of a step of Newton's method. Of each `blocks` holds how many each has. */
+enum { BODY, PLACES, FORCES, TANGENT, FACTORS, SOFTEST, BLOCKS };
+
 /* Of the shadow: what its forces are made in; its coordinates, what is left of its forces, its tangent, in coordinates of unit
  * energy (e, e). Of the body: its coordinates without elastic ones, what is left of its own forces, tension (T, 4, 3) of its
  * ties. Of interfaces: position and rotation (I, 12), and distance and angle (I, 2). */
@@ -20,15 +23,13 @@ typedef struct {
     ForceRoom scratch;
     TangentRoom tangents;
     Stretch stretch;
-    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *moved, *other, *plain, *bent, *error, *found, *rates, *turned, *work, *blocks;
+    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *moved, *other, *plain, *bent, *error, *found, *rates, *turned, *work;
     int64_t *pivot;
+    double blocks[2 * BLOCKS];
 } Room;
 /* Numbers found on the way: the largest deflection; how soft an interface is; by how much second order within frames moves
  * interfaces, of that what more frames do not change, and flattening; strain. */
 enum { REACH, SOFT, OWN, WITHIN, FLAT, STRAIN, FOUND };
-
-/* Blocks of pieces: of the body, and of a step of Newton's method. Of each `blocks` holds how many each has. */
-enum { BODY, PLACES, FORCES, TANGENT, FACTORS, SOFTEST, BLOCKS };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = body->p;
@@ -56,15 +57,15 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->work = take(arena, m);
     room->error = take(arena, 2 * p->interfaces);
     room->found = take(arena, FOUND);
-    room->blocks = take(arena, 2 * BLOCKS);
     room->pivot = (int64_t *)take(arena, m);
 }
 
-enum { ROOM = (sizeof(Room) + sizeof(double) - 1) / sizeof(double) };
+/* A room fits where it is kept. */
+typedef char Fits[sizeof(Room) <= LAID_OUT * sizeof(double) ? 1 : -1];
 
 /* What lies in the arena from call to call. */
 static Room *room_in(const Body *shadow, Arena *arena, const Slice *slice) {
-    Room *room = (Room *)take(arena, ROOM);
+    Room *room = (Room *)take(arena, LAID_OUT);
     if (room && !laid_out(slice)) take_room(shadow, arena, room);
     return room;
 }
@@ -75,7 +76,7 @@ void certificate_demand(const Body *body, Arena *arena) {
     Room room;
     take_configuration(body, arena, &at);
     take_stretch(body, arena, &stretch);
-    if (body->p->embedded) take(arena, ROOM);
+    if (body->p->embedded) take(arena, LAID_OUT);
     take_room(body, arena, &room);
 }
 
@@ -243,16 +244,13 @@ static int newton_steps(Body *shadow, Room *room, const double *inputs, int agai
     return 1;
 }
 
-/* The largest linear deflection of an interface under forces on the body's coordinates. */
+/* The largest linear deflection of an interface under forces on the body's coordinates; in the room of other places. */
 static double deflection_by(const Body *body, const double *force, Room *room) {
     const Program *p = body->p;
-    double largest = 0.0;
+    double largest = 0.0, *moved = room->other;
     for (int64_t j = 0; j < p->modes; j++) room->rigid[j] = j < p->rigid ? 0.0 : force[j] / body->opened->stiffness[j];
-    for (int64_t i = 0; i < p->interfaces; i++) {
-        double moved[3];
-        rows_times(p->load_operator + 3 * i * p->modes, room->rigid, moved, 3, p->modes);
-        largest = fmax(largest, norm(moved, 3));
-    }
+    rows_times(p->load_operator, room->rigid, moved, 3 * p->interfaces, p->modes);
+    for (int64_t i = 0; i < p->interfaces; i++) largest = fmax(largest, norm(moved + 3 * i, 3));
     return largest;
 }
 
@@ -305,7 +303,7 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
     Slice *slice = shadow->slice;
     const int64_t n = p->modes, began = enter_block(slice, room->blocks + BODY);
     if (began < 0) return 1;
-    const double cost = CALLS + OF_VECTORS * configuration_cost(body);
+    const double cost = CALLS + OF_VECTORS * configuration_cost(body), third = 2.0 * cost / 3.0;
     Arena arena = work_arena(body);
     Configuration at;
     if (due(slice, cost)) {
@@ -316,19 +314,22 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
     rows_times(shadow->p->embedding + now.at * n, q, room->q + now.at, now.end - now.at, n);
     take_configuration(body, &arena, &at);
     if (arena.refused) return fails(slice);
-    if (due(slice, cost)) {
+    if (due(slice, third)) {
         configure(body, q, &at);
         places_in(p, &at, room->moved);
         memset(room->tense, 0, (size_t)(12 * shadow->p->ties) * sizeof(double));
         if (p->ties) tie_tension(body, &at, room->tense);
-        places_by_frames(body, &at, room->plain);
-        room->found[OWN] = apart(room->moved, room->plain, p->interfaces, room->bent);
+        room->found[OWN] = 0.0;
+        if (p->curved) places_by_frames(body, &at, room->plain);
+        if (p->curved) room->found[OWN] = apart(room->moved, room->plain, p->interfaces, room->bent);
     }
-    if (due(slice, cost)) {
+    if (due(slice, third)) {
         memset(room->rigid, 0, (size_t)n * sizeof(double));
         memcpy(room->rigid, q, (size_t)p->rigid * sizeof(double));
         configure(body, room->rigid, &at);
         places_in(p, &at, room->other);
+    }
+    if (due(slice, third)) {
         const double now = apart(room->moved, room->other, p->interfaces, room->error);
         room->found[REACH] = fmax(now, deflection_by(body, room->rest, room));
     }

@@ -127,6 +127,9 @@ typedef struct Body {
     Rule rules[RULES];
 } Body;
 
+/* Numbers at the start of an arena whose work is done in pieces: where its arrays lie, laid out by the call that counts. */
+enum { LAID_OUT = 96 };
+
 /* Arrays of one call: all of the workspace. */
 static inline Arena work_arena(const Body *body) {
     const Arena arena = {body->scratch.work, 0, body->scratch.work_size, 0};

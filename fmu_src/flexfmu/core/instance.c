@@ -269,9 +269,6 @@ static Answer open_shadow(Instance *x, char *why) {
     return ANSWER_FAILED;
 }
 
-/* Numbers of the smallest page of memory. */
-enum { PAGE = 512 };
-
 /* Body of the parameters chosen. */
 static Answer choose(Instance *x, char *why) {
     if (x->body) return ANSWER_OK;
@@ -298,15 +295,7 @@ static Answer choose(Instance *x, char *why) {
     x->body = body;
     find_softening(body);
     if (open_shadow(x, why) != ANSWER_OK) return ANSWER_FAILED;
-    x->pieces.arena.size = look_size(body, x->shadow);
-    x->pieces.arena.start = calloc((size_t)x->pieces.arena.size, sizeof(double));
-    if (x->pieces.arena.start) {
-        /* Memory that nobody has touched yet would cost the first look more than its slices. */
-        volatile double *touched = x->pieces.arena.start;
-        for (int64_t i = 0; i < x->pieces.arena.size; i += PAGE) touched[i] = 0.0;
-        if (x->shadow) memset(x->shadow->scratch.four, 0, (size_t)(LANES * x->shadow->p->modes) * sizeof(double));
-        return ANSWER_OK;
-    }
+    if (prepare_looks(x)) return ANSWER_OK;
     instance_forget_body(x);
     snprintf(why, TEXT_SIZE, "there is not enough memory");
     return ANSWER_FAILED;

@@ -1,8 +1,10 @@
 #include "instance_watch.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include "algebra.h"
 #include "messages.h"
 
 Answer instance_failed(Instance *x, Answer answer) {
@@ -27,6 +29,24 @@ static Monitor monitor_of(Instance *x) {
     const double *limit = x->parameter + P_ROTATION_LIMIT;
     for (int i = 0; i < WATCHES; i++, limit += 2) monitor.watch[i] = (Watch){limit[0], (OnLimit)limit[1]};
     return monitor;
+}
+
+/* Numbers of the smallest page of memory. */
+enum { PAGE = 512 };
+
+int prepare_looks(Instance *x) {
+    Arena *arena = &x->pieces.arena;
+    const int64_t size = look_size(x->body, x->shadow), all = size + WAITING * LAID_OUT;
+    volatile double *touched = calloc((size_t)all, sizeof(double));
+    if (!touched) return 0;
+    *arena = (Arena){(double *)touched, 0, size, 0};
+    x->pieces.laid_out = arena->start + size;
+    /* Memory that nobody has touched yet would cost the first look more than its slices. */
+    for (int64_t i = 0; i < all; i += PAGE) touched[i] = 0.0;
+    if (x->shadow) memset(x->shadow->scratch.four, 0, (size_t)(LANES * x->shadow->p->modes) * sizeof(double));
+    const Monitor monitor = monitor_of(x);
+    count_looks(&monitor);
+    return 1;
 }
 
 /* What a refused step means to the run. */

@@ -15,6 +15,8 @@ Answer step_refused(const Instance *instance);
 /* Look at where a step of the body ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there.
  * `rests`: the step before was the same, and nothing moved in either. */
 Answer inspect(Instance *instance, const double *q, const double *v, double step, const double *inputs, int rests, char *why);
+/* Room for looks at the body that is known, their pieces counted; 0 without memory. */
+int prepare_looks(Instance *instance);
 /* What is still to be looked at. */
 void inspect_rest(Instance *instance);
 

@@ -4,106 +4,12 @@
 
 #include <stddef.h>
 
-#include "body.h"
-
-typedef enum {
-#define ON_LIMIT(symbol, ...) ON_##symbol,
-#include "interface.def"
-} OnLimit;
-enum {
-#define WATCH(symbol, ...) WATCH_##symbol,
-#include "interface.def"
-    WATCHES
-};
-
-typedef struct {
-    double limit;
-    OnLimit action;
-} Watch;
+#include "looks.h"
 
 /* Beyond these no method means anything; 0 for no bound. */
 typedef struct {
     double rotation, displacement; /* rad; over the size of the body */
 } Bounds;
-
-/* Of the error: the largest deflection of the interfaces so far, m; strain energy when it was last looked at, and the largest
- * then; steps since; its largest bound so far. */
-typedef struct {
-    double deflection, energy, largest, steps, bound;
-} ErrorMemory;
-
-/* Of the whole motion so far. */
-typedef struct {
-    Momentum momentum;
-    Astray astray;
-    Truncation truncation;
-    double calm; /* of loads that push a free body together: theirs at a right angle over the least couple they made */
-} Course;
-
-/* What takes long is looked at in slices, one a step, at a state that is kept for it. In the meantime another may come to wait: the
- * one with the most energy, or the largest loads. */
-enum { LOOK_ERROR, LOOK_STABILITY, LOOK_MISSED, LOOK_CAUSE, LOOK_HOW_MUCH, LOOKS };
-/* What follows where a look finds something to tell of. */
-enum { FOLLOWING = LOOK_CAUSE - LOOK_STABILITY, WAITING = LOOK_CAUSE, STATES = 1 + WAITING };
-typedef struct {
-    double under_way, look, slices, done; /* whether one is; which; slices that it takes, and that were done */
-    double deflection, waiting[WAITING], deflections[WAITING]; /* at the state looked at; how much those that wait weigh, 0: none */
-} Looking;
-
-/* That its pieces are counted; that the look which it follows has just ended. */
-enum { COUNTED = 1, FOLLOWS };
-/* What the slices have found so far: of the states that are kept, and no state itself. */
-typedef struct {
-    Slice slice;
-    int begun;     /* 0; or what it is of the look under way */
-    double beyond; /* what stability is known to lie above */
-    double energy; /* twice that of the body where the last step ended */
-    Arena arena;
-} Pieces;
-
-/* What the monitor remembers: all of it is state. */
-typedef struct {
-    double *inputs;          /* (L): loads for which stability was last looked at */
-    double *drift;           /* (3, m): of what the mass leaves out */
-    const double *astray;    /* (3, m): of what steps leave out, which they follow themselves */
-    double *states;          /* (STATES, m + L): q and loads that are looked at, and of those that wait */
-    Looking looking;
-    double largest;          /* square of the largest loads so far */
-    double beyond;           /* what stability was known to lie above then */
-    Course course;
-    ErrorMemory error;
-    double warned[WATCHES];  /* once a run, since a body that swings would be told of twice a period */
-} Memory;
-
-enum { FINDING_TEXT = 640 };
-typedef struct {
-    int count;
-    OnLimit action[WATCHES + 1]; /* stability has two */
-    char text[WATCHES + 1][FINDING_TEXT];
-} Findings;
-
-/* Material `stiffness` times as stiff as the body's, and denser: loads act on the body by the factors `force` and `acceleration`,
- * and its time runs `pace` times as fast (docs/theory.md section 6). */
-typedef struct {
-    double stiffness, force, acceleration, pace;
-} Scale;
-
-Scale scale_of(double stiffness, double density);
-/* Inputs (L) as they act on the body. */
-void scale_inputs(const Scale *scale, const Program *program, const double *inputs, double *out);
-
-/* A body with its shadow, or null, and what is looked for; `interval` of steps between looks at the error. `inputs`, `shape`
- * and `errors` are workspaces of L, m and 2I numbers. */
-typedef struct {
-    Body *body, *shadow;
-    Scale scale;
-    Watch watch[WATCHES];
-    double interval, *inputs, *shape, *errors;
-    Pieces *pieces;
-} Monitor;
-
-/* Room that looks take. */
-int64_t look_size(const Body *body, const Body *shadow);
 
 /* Whether a step's end is within the bounds; else why not, in `why` (size). */
 int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *why, size_t size);
@@ -111,7 +17,5 @@ int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *wh
 int deforms_little(const Monitor *monitor, const Bounds *bounds, const double *q, const Memory *memory);
 /* Look at a step's end; `memory` is changed, as it counts if the step is accepted. */
 void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found);
-/* All that is still to be looked at, at once. */
-void finish_looks(const Monitor *monitor, Memory *memory, Findings *found);
 
 #endif

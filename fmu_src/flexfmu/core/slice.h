@@ -59,6 +59,12 @@ static inline void pair_of(int64_t number, int64_t *i, int64_t *k) {
     *k = number;
 }
 static inline int64_t pairs_of(int64_t n) { return n * (n + 1) / 2; }
+/* The same i >= k < n, columns one after the other: what a column needs of others does not wait for what is above it. */
+static inline void column_pair_of(int64_t number, int64_t n, int64_t *i, int64_t *k) {
+    pair_of(pairs_of(n) - 1 - number, k, i);
+    *i = n - 1 - *i;
+    *k = n - 1 - *k;
+}
 
 /* Rows (e) of one matrix into another, and rows of zeros. Each by itself: few instructions, but memory that is far away. */
 static inline double cost_of_copy(int64_t e) { return 10.0 + (double)e; }

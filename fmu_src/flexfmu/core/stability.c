@@ -23,13 +23,14 @@ typedef struct {
  * without loads. */
 enum { SMALLEST, BY_LOADS };
 
-enum { ROOM = (sizeof(Room) + sizeof(double) - 1) / sizeof(double) };
+/* A room fits where it is kept. */
+typedef char Fits[sizeof(Room) <= LAID_OUT * sizeof(double) ? 1 : -1];
 
 /* What lies in the arena from call to call; null where it is refused. */
 static Room *room_in(const Body *body, Arena *arena, const Slice *slice) {
     const Program *p = body->p;
     const int64_t m = p->modes;
-    Room none, *kept = (Room *)take(arena, ROOM), *room = kept ? kept : &none;
+    Room none, *kept = (Room *)take(arena, LAID_OUT), *room = kept ? kept : &none;
     if (kept && laid_out(slice)) return kept;
     take_configuration(body, arena, &room->at);
     take_loads(body, arena, &room->loads);
