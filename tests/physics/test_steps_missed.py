@@ -7,7 +7,7 @@ from driven import Driven
 from flexfmu.build.tables import FormulationTable
 from references import relative
 
-MISSED = "diagnostics.steps_missed"
+MISSED, LIMIT = "diagnostics.steps_missed", "watch.steps_missed.limit"
 # Any error of a step is accepted, and no other watch speaks.
 LONG = {"internal_step.tolerance": 1.0} | {
     f"watch.{name}.limit": 0.0 for name in ("rotation", "strain", "stability", "stiffness_missed")
@@ -17,52 +17,78 @@ WHOLE, FORCE, SHORT = 0.15, 3000.0, 5e-4
 
 
 def swung(folder, body, step, **start):
-    """An instance after a sudden force across it, what it tells after each step, displacements of its tip (n, 3)."""
+    """An instance after a sudden force across it; of steps what is told, displacements of the tip, internal steps."""
     driven = Driven(body, folder, **(LONG | start))
     driven.set(**{"tip.force.z": FORCE})
-    found, told = [], []
+    found, told, internal = [], [], []
     for _ in range(round(WHOLE / step)):
         assert driven.taken(step)
         found.append(driven.get(*(f"tip.displacement.{axis}" for axis in "xyz")))
         told.append(driven.get(MISSED)[0])
-    return driven, np.array(told), np.array(found)
+        internal += driven.get("diagnostics.substeps")
+    return driven, np.array(told), np.array(found), internal
 
 
 def beam(bodies, method, mass):
     return bodies.beam(frames=2, formulation=FormulationTable(method=method, mass=mass)).model
 
 
+def off(true, found):
+    """Error of a motion, root mean square, beside the same in short steps."""
+    every = len(true) // len(found)
+    return relative(found, true[every - 1 :: every])
+
+
 @pytest.mark.parametrize("mass", ["constant", "polynomial"])
 def test_what_is_told_is_the_error_of_steps_or_a_little_more(bodies, tmp_path, mass):
     body = beam(bodies, "second_order", mass)
-    _, _, true = swung(tmp_path, body, SHORT)
+    _, _, true, _ = swung(tmp_path, body, SHORT)
     known = []
     for step in (0.01, 0.005, 0.0025):
-        driven, told, found = swung(tmp_path, body, step)
-        every = round(step / SHORT)
-        error = relative(found, true[every - 1 :: every])
-        assert 0.9 * error < told[-1] < 3.0 * error
+        driven, told, found, _ = swung(tmp_path, body, step, **{LIMIT: 0.0})
+        assert 0.9 * off(true, found) < told[-1] < 3.0 * off(true, found)
         known.append(told[-1])
-        assert len(driven.log) == (told.max() > 0.01)
-        for status, text in driven.log:
-            assert status == 1
-            assert (
-                f"the length of the steps makes the motion wrong by some {100.0 * told[told > 0.01][0]:.3g} %" in text
-            )
+        assert not driven.log
     # Of second order.
     assert known[0] > 0.01
     assert known[1] < known[0] / 2.5
     assert known[2] < known[1] / 2.5
 
 
+def test_what_passes_the_limit_is_told_once(bodies, tmp_path):
+    driven, told, _, _ = swung(tmp_path, beam(bodies, "second_order", "constant"), 0.01, **{LIMIT: 0.005})
+    first = told[told > 0.005][0]
+    [(status, text)] = driven.log
+    assert status == 1
+    assert f"the length of the steps makes the motion wrong by some {100.0 * first:.3g} %" in text
+
+
+def test_internal_steps_are_shorter_where_what_they_miss_nears_its_limit(bodies, tmp_path):
+    body = beam(bodies, "second_order", "polynomial")
+    _, _, true, _ = swung(tmp_path, body, SHORT)
+    _, free, usual, _ = swung(tmp_path, body, 0.01, **{LIMIT: 0.0})
+    driven, told, finer, taken = swung(tmp_path, body, 0.01)
+    assert not driven.log
+    assert off(true, finer) < 0.5 * off(true, usual)
+    # As long as what is told is far below the limit nothing differs.
+    far = np.argmax(free > 0.25 * 0.01)
+    assert far > 1
+    assert (told[: far + 1] == free[: far + 1]).all()
+    assert set(taken) == {1, 2, 4}
+    # Once the limit is passed they are as long as before.
+    *_, taken = swung(tmp_path, body, 0.01, **{LIMIT: 0.005})
+    assert max(taken) > 1
+    assert taken[-1] == 1
+
+
 def test_steps_that_are_exact_miss_nothing(bodies, tmp_path):
-    driven, told, _ = swung(tmp_path, beam(bodies, "linear", "constant"), 0.01)
+    driven, told, _, _ = swung(tmp_path, beam(bodies, "linear", "constant"), 0.01)
     assert not told.any()
     assert not driven.log
 
 
 def test_steps_that_are_repeated_or_refused_between_change_nothing_of_it(bodies, tmp_path):
-    driven, told, _ = swung(tmp_path, beam(bodies, "second_order", "constant"), 0.01)
+    driven, told, _, _ = swung(tmp_path, beam(bodies, "second_order", "constant"), 0.01)
     before, following = driven.state, []
     for refused in (0, 1, 2):
         driven.state = before
@@ -78,7 +104,7 @@ def test_steps_that_are_repeated_or_refused_between_change_nothing_of_it(bodies,
 
 def test_a_step_whose_end_is_refused_is_not_counted(bodies, tmp_path):
     """It was taken, and found beyond a limit."""
-    start = {"watch.steps_missed.limit": 0.005, "watch.steps_missed.on_limit": "discard"}
+    start = {LIMIT: 0.005, "watch.steps_missed.on_limit": "discard"}
     driven = Driven(beam(bodies, "second_order", "constant"), tmp_path, **(LONG | start))
     driven.set(**{"tip.force.z": FORCE})
     while driven.taken(0.01):

@@ -66,10 +66,11 @@ typedef struct {
 } StepLimits;
 
 /* What a step took, and its error; how far steps have led the motion astray (3, m), coordinates, rates and how fast the force changes,
- * which goes on; null where nobody asks. */
+ * which goes on; null where nobody asks. Internal steps are divided by `finer` once more, where that is more than one. */
 typedef struct {
     int64_t substeps, iterations;
     double error, *astray;
+    int64_t finer;
 } Work;
 
 /* Where deformation was last looked at: the undeformed body at first. Memory of a body, which no result depends on. */

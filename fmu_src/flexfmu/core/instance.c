@@ -382,6 +382,13 @@ static int over_step(Instance *x, double step) {
     return differ;
 }
 
+/* By how much internal steps are divided once more as what they miss nears its limit: beyond a quarter of it, and half. Once it is
+ * passed and told, shorter ones are no use. */
+static int64_t finer_by(const Instance *x) {
+    const double off = of_course(x, offsetof(Course, astray.error[BY_STEPS])) / x->parameter[P_ASTRAY_LIMIT];
+    return !(off > 0.25 && off <= 1.0) ? 1 : off > 0.5 ? 4 : 2;
+}
+
 static Answer whole_step(Instance *x, double time, double step, char *why) {
     if (!isfinite(time) || !isfinite(step) || step < 0.0 || !isfinite(time + step)) {
         snprintf(why, TEXT_SIZE, SAY_BAD_TIME, step, time);
@@ -408,7 +415,7 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
     scale_inputs(&x->scale, description(x), x->over.start_inputs, x->over.start_inputs);
     scale_inputs(&x->scale, description(x), x->over.end_inputs, x->over.end_inputs);
     int64_t hint = (int64_t)fmax(x->single[S_HINT], ceil(fewest));
-    Work work = {0, 0, 0.0, x->over.astray};
+    Work work = {0, 0, 0.0, x->over.astray, finer_by(x)};
     memcpy(x->over.astray, x->astray, (size_t)(3 * m) * sizeof(double));
     memcpy(x->over.q1, x->q, (size_t)m * sizeof(double));
     memcpy(x->over.v1, x->v, (size_t)m * sizeof(double));

@@ -2,6 +2,8 @@
 #ifndef FLEX_INSTANCE_DATA_H
 #define FLEX_INSTANCE_DATA_H
 
+#include <stddef.h>
+
 #include "body.h"
 #include "monitor.h"
 
@@ -87,6 +89,9 @@ enum {
     S_WARNED, S_COURSE = S_WARNED + WATCHES, S_SEEN = S_COURSE + sizeof(Course) / sizeof(double),
     S_LOOKING = S_SEEN + sizeof(ErrorMemory) / sizeof(double), S_COUNT = S_LOOKING + sizeof(Looking) / sizeof(double)
 };
+
+/* Of the motion so far: the number at a place of its Course. */
+static inline double of_course(const Instance *x, size_t place) { return x->single[S_COURSE + place / sizeof(double)]; }
 
 static inline const Program *description(const Instance *x) { return x->described->p; }
 

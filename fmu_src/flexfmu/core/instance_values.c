@@ -1,7 +1,6 @@
 #include "instance_values.h"
 
 #include <math.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -42,8 +41,6 @@ static double diagnose_error(Instance *x) {
 
 static double diagnose_spin(Instance *x) { return body_spin(x->body, x->q, x->v); }
 
-/* Of the motion so far. */
-static double of_course(const Instance *x, size_t place) { return x->single[S_COURSE + place / sizeof(double)]; }
 static double diagnose_momentum(Instance *x) { return of_course(x, offsetof(Course, momentum.drift)); }
 static double diagnose_truncation(Instance *x) { return of_course(x, offsetof(Course, truncation.error)); }
 static double diagnose_inertia(Instance *x) { return of_course(x, offsetof(Course, astray.error[BY_MASS])); }

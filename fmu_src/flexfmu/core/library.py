@@ -29,7 +29,7 @@ class _Limits(ctypes.Structure):
 class _Work(ctypes.Structure):
     """`Work` of core/data.h."""
 
-    _fields_ = [("substeps", _WHOLE), ("iterations", _WHOLE), ("error", _NUMBER), ("astray", _PLACE)]
+    _fields_ = [("substeps", _WHOLE), ("iterations", _WHOLE), ("error", _NUMBER), ("astray", _PLACE), ("finer", _WHOLE)]
 
 
 @dataclass(frozen=True, slots=True)

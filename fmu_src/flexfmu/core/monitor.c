@@ -133,7 +133,7 @@ static void turning_round(const Monitor *monitor, const StepEnd *end, Memory *me
 static void going_astray(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
     static const int watches[CAUSES] = {WATCH_INERTIA, WATCH_ASTRAY};
     Body *body = monitor->body;
-    body_astray(body, end, memory->drift, memory->astray, &memory->course.astray);
+    body_astray(body, end, memory->drift, memory->astray, monitor->shape, &memory->course.astray);
     for (int k = 0; k < CAUSES; k++) {
         const Watch *watch = monitor->watch + watches[k];
         const double error = memory->course.astray.error[k];

@@ -165,7 +165,8 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
     if (least > most) return FLEX_TOO_MANY_STEPS;
     const int64_t fewest = (int64_t)least;
     Substeps all = {inputs, inputs_end, 0.0, 0, body->limits.tolerance, 0, (int64_t)rounds, 0.0, 0, work->astray};
-    all.count = larger(fewest, *hint);
+    const int64_t usual = larger(fewest, *hint), finer = (double)(usual * work->finer) <= most ? larger(1, work->finer) : 1;
+    all.count = usual * finer;
     if ((double)all.count > most) all.count = (int64_t)most;
     int answer = UNSETTLED;
     while ((double)all.count <= most && all.rounds < all.most_rounds) {
@@ -185,7 +186,8 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
     if (answer != DONE) return all.massless ? FLEX_BEYOND_MASS : FLEX_TOO_MUCH_WORK;
     work->error = all.worst;
     /* The error falls with the cube of the internal step: half as many are tried next time only if that would do. */
-    *hint = larger(1, 16.0 * all.worst < all.tolerance && all.count > fewest ? all.count / 2 : all.count);
+    const double next = 16.0 * (double)(finer * finer * finer) * all.worst;
+    *hint = larger(1, next < all.tolerance && all.count > finer * fewest ? all.count / (2 * finer) : all.count / finer);
     return FLEX_OK;
 }
 
@@ -195,7 +197,7 @@ static int step_in_workspace(Body *body, const double *inputs, const double *inp
     const int64_t m = body->p->modes;
     const size_t size = (size_t)m * sizeof(double);
     if (!(isfinite(step) && step > 0.0)) return FLEX_BAD_STEP;
-    Work done = {1, 0, 0.0, work->astray};
+    Work done = {1, 0, 0.0, work->astray, work->finer};
     if (step <= INDIVISIBLE) {
         *work = done;
         return FLEX_OK;

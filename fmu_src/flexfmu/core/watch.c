@@ -246,6 +246,12 @@ static double linear_reach(const Program *p, const double *q) {
     return most;
 }
 
+/* The same of where rates carry the undeformed body from there, with `ahead` (m) to work in. */
+static double carried_reach(const Program *p, const double *v, double *ahead) {
+    for (int64_t j = p->rigid; j < p->modes; j++) ahead[j] = v[j] / p->omega[j];
+    return linear_reach(p, ahead);
+}
+
 /* Deflection over the size of the body below which no motion matters. */
 static const double UNSEEN = 1e-3;
 
@@ -295,7 +301,7 @@ static void follow_drift(Body *body, const StepEnd *end, double *off, double *ra
 
 int mass_is_exact(const Program *p) { return p->inertial ? !p->mass_products : !p->mass_forms; }
 
-void body_astray(Body *body, const StepEnd *end, double *drift, const double *astray, Astray *so_far) {
+void body_astray(Body *body, const StepEnd *end, double *drift, const double *astray, double *ahead, Astray *so_far) {
     const Program *p = body->p;
     const int64_t m = p->modes;
     /* Nothing is left out of what does not move. */
@@ -303,7 +309,7 @@ void body_astray(Body *body, const StepEnd *end, double *drift, const double *as
         follow_drift(body, end, drift, drift + m, drift + 2 * m);
     const double *off[CAUSES] = {drift, astray}, beyond[CAUSES] = {p->inertial ? BEYOND : 1.0, BEYOND}, least = UNSEEN * p->body_size[0];
     so_far->time += end->step;
-    so_far->moved += end->step * linear_reach(p, end->q);
+    so_far->moved += end->step * fmax(linear_reach(p, end->q), carried_reach(p, end->v, ahead));
     for (int k = 0; k < CAUSES; k++) {
         so_far->off[k] += end->step * linear_reach(p, off[k]);
         if (isfinite(so_far->off[k]) && so_far->off[k] > 0.0)
@@ -325,8 +331,7 @@ void body_truncation(const Body *body, const StepEnd *end, double *ahead, Trunca
     so_far->mixed = fmax(so_far->mixed, mixed);
     so_far->moved = fmax(so_far->moved, linear_reach(p, end->q));
     /* A body that has just been pushed is on its way: to where its rates carry it, and to where the loads would hold it. */
-    for (int64_t j = p->rigid; j < m; j++) ahead[j] = end->v[j] / p->omega[j];
-    double moved = fmax(so_far->moved, linear_reach(p, ahead));
+    double moved = fmax(so_far->moved, carried_reach(p, end->v, ahead));
     memset(ahead, 0, (size_t)m * sizeof(double));
     for (int64_t i = 0; i < count; i++) {
         add_rows(end->inputs + 6 * i, p->load_operator + 3 * i * m, ahead, 3, m);

@@ -50,6 +50,6 @@ void body_truncation(const Body *body, const StepEnd *end, double *ahead, Trunca
 int mass_is_exact(const Program *p);
 /* `drift` (3, m): how far coordinates and rates are off by the mass, and the momentum that it leaves out, where the step began and
  * ends; `astray`: those by the steps, where it ends. */
-void body_astray(Body *body, const StepEnd *end, double *drift, const double *astray, Astray *so_far);
+void body_astray(Body *body, const StepEnd *end, double *drift, const double *astray, double *ahead, Astray *so_far);
 
 #endif
