@@ -21,7 +21,6 @@ if TYPE_CHECKING:
         SimulationError as SimulationError,
         StepError as StepError,
         UnitSystem as UnitSystem,
-        __version__ as __version__,
     )
     from .fmu.built_body import BuiltBody as BuiltBody, SimulationResult as SimulationResult, load as load
     from .given.linear import linear_body as linear_body, read_sid as read_sid, write_sid as write_sid
@@ -34,6 +33,8 @@ if TYPE_CHECKING:
     from .reduction.options import Basis as Basis
     from .view.shown import Shown as Shown
 
+    __version__: str
+
 # Imported when first asked for.
 _MODULES = {
     ".api": ("Body",),
@@ -41,7 +42,7 @@ _MODULES = {
     ".build.choices": ("Interface", "Support"),
     ".calls.decay": ("decay",),
     ".calls.functions": ("chart", "check", "couple", "fit", "init", "show", "stability"),
-    ".files.basics": ("FlexfmuError", "RuntimeBodyError", "SimulationError", "UnitSystem", "__version__"),
+    ".files.basics": ("FlexfmuError", "RuntimeBodyError", "SimulationError", "UnitSystem"),
     ".fmu.built_body": ("BuiltBody", "SimulationResult", "load"),
     ".given.linear": ("linear_body", "read_sid", "write_sid"),
     ".given.modes": ("GivenModes", "read_given"),
@@ -54,7 +55,7 @@ _MODULES = {
     ".view.shown": ("Shown",),
 }
 
-__all__ = [name for names in _MODULES.values() for name in names]
+__all__ = ["__version__", *(name for names in _MODULES.values() for name in names)]
 
 
 def __dir__() -> list[str]:
@@ -63,6 +64,8 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> object:
+    if name == "__version__":
+        return import_module(".files.basics", __name__).own_version()
     for module, names in _MODULES.items():
         if name in names:
             return getattr(import_module(module, __name__), name)

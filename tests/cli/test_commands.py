@@ -49,9 +49,18 @@ def test_python_runs_the_package_as_the_command():
     assert re.fullmatch(r"flexfmu \d+\.\d+\.\d+\S*\n", done.stdout)
 
 
+@pytest.mark.parametrize("more", [[], ["--json"]])
+def test_info_of_a_file_needs_no_typer_and_says_the_same(fmu, more):
+    code = "import sys\nfrom flexfmu.commands.entry import main\nmain()\nprint(*sys.modules, file=sys.stderr)"
+    arguments = [sys.executable, "-c", code, "info", str(fmu), *more]
+    done = subprocess.run(arguments, capture_output=True, text=True, encoding="utf-8", check=True)
+    assert done.stdout == run("info", fmu, *more).stdout
+    assert not {"typer", "pydantic"} & set(done.stderr.split())
+
+
 def test_shells_complete_the_commands():
     words = {"_FLEXFMU_COMPLETE": "complete_bash", "COMP_WORDS": "flexfmu si", "COMP_CWORD": "1"}
-    code = "from flexfmu.commands.cli import main; main()"
+    code = "from flexfmu.commands.entry import main; main()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**words, "PATH": ""})
     assert "simulate" in done.stdout
 
@@ -92,7 +101,7 @@ def test_commands_import_what_they_use_and_nothing_else(fmu, tmp_path, words, un
 
 
 def test_every_job_is_a_command():
-    helpers = {jobs.reporter, jobs.show_written, jobs.ends_in_words}
+    helpers = {jobs.reporter, jobs.show_written}
     own = [one for one in vars(jobs).values() if isfunction(one) and one.__module__ == jobs.__name__]
     assert {one.__name__ for one in own if one not in helpers and not one.__name__.startswith("_")} == set(COMMANDS)
 

@@ -41,7 +41,7 @@ def run(folder, deadline, *words):
 
 
 def flexfmu(folder, deadline, *words):
-    return run(folder, deadline, "-m", "flexfmu.commands.cli", *words)
+    return run(folder, deadline, "-m", "flexfmu", *words)
 
 
 def expected(part, share):

@@ -145,7 +145,7 @@ def test_ctrl_c_twice_ends_a_run_whose_foreign_fmu_never_returns(folder):
     coupled(folder, 0)
     text = (folder / "coupling.toml").read_text(encoding="utf-8").replace("kind = 0", "kind = 3")
     (folder / "asleep.toml").write_text(text, encoding="utf-8")
-    command = [sys.executable, "-m", "flexfmu.commands.cli", "couple", "asleep.toml", "--output", "motion.csv"]
+    command = [sys.executable, "-m", "flexfmu", "couple", "asleep.toml", "--output", "motion.csv"]
     with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as job:
         for word in ("asleep", "press it again"):
             assert any(word in line for line in job.stderr)

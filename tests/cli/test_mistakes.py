@@ -386,7 +386,7 @@ def sound(tmp_path_factory):
 def answer(folder, mistake, monkeypatch):
     """Exit code and what is said on standard error."""
     if mistake.runs:
-        command = [sys.executable, "-m", "flexfmu.commands.cli", *mistake.arguments]
+        command = [sys.executable, "-m", "flexfmu", *mistake.arguments]
         done = subprocess.run(
             command,
             cwd=folder,
@@ -442,7 +442,7 @@ def test_a_pipe_that_never_ends_is_refused_instead_of_waited_for(name, arguments
     (folder / name).unlink(missing_ok=True)
     os.mkfifo(folder / name)
     before = sorted(path.name for path in folder.iterdir())
-    command = [sys.executable, "-m", "flexfmu.commands.cli", *arguments]
+    command = [sys.executable, "-m", "flexfmu", *arguments]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1
     assert f"{name} cannot be read: it is a pipe or a device" in done.stderr

@@ -176,7 +176,7 @@ def test_columns_of_the_same_name_are_refused_and_byte_order_marks_are_not(tmp_p
 def test_load_that_jumps_at_the_start_acts_from_the_start(fmu, tmp_path):
     # In a process of its own: the FMU's code ends up in the process that runs it.
     (tmp_path / "jump.csv").write_text("time,tip.force.y\n0,0\n0,1000\n1,1000\n", encoding="utf-8")
-    command = [sys.executable, "-m", "flexfmu.commands.cli", "simulate", str(fmu), "-i", "jump.csv", "-o", "out.csv"]
+    command = [sys.executable, "-m", "flexfmu", "simulate", str(fmu), "-i", "jump.csv", "-o", "out.csv"]
     command += ["--step", "0.5", "--static-start"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "out.csv" in done.stdout, done.stderr

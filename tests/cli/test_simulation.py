@@ -41,7 +41,7 @@ def flexfmu(folder, *arguments):
     """Run the command; what it prints decides, since an FMU's library may disturb the interpreter's exit."""
     environment = {**os.environ, "MPLCONFIGDIR": str(folder), "COLUMNS": "200"}
     return subprocess.run(
-        [sys.executable, "-m", "flexfmu.commands.cli", *map(str, arguments)],
+        [sys.executable, "-m", "flexfmu", *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=120,

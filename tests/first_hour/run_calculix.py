@@ -26,7 +26,7 @@ MOTION = ("ux", "uy", "uz", "rx", "ry", "rz")
 def rows_of(part, folder):
     """Motion of the part's interface, m and rad, at each share."""
     mesh = write_mesh(part, folder)
-    subprocess.run([sys.executable, "-m", "flexfmu.commands.cli", "init", str(mesh)], check=True)
+    subprocess.run([sys.executable, "-m", "flexfmu", "init", str(mesh)], check=True)
     body, scene_file = mesh.with_suffix(".toml"), folder / "scene.toml"
     body.write_text(edited(part, body.read_text()))
     scene_file.write_text(scene(part))

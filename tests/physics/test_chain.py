@@ -67,7 +67,7 @@ def joined(folder, stiffness):
     text = COUPLING.format(force=FORCE, k=stiffness, turning=1e-2 * stiffness)
     file, output = folder / f"{stiffness:g}.toml", folder / f"{stiffness:g}.csv"
     file.write_text(text, encoding="utf-8")
-    command = [sys.executable, "-m", "flexfmu.commands.cli", "couple", str(file), "--output", str(output)]
+    command = [sys.executable, "-m", "flexfmu", "couple", str(file), "--output", str(output)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     # pythonfmu's library may crash at the interpreter's exit: what counts is the file.
     assert output.exists(), done.stdout + done.stderr

@@ -62,7 +62,7 @@ def test_errors_are_the_same_whoever_measures_them(tmp_path):
 @pytest.mark.slow
 def test_ctrl_c_ends_all_processes_and_leaves_whole_records(tmp_path):
     with_results(tmp_path, SMALL_SWEEP.replace("[1, 2]", "[1, 2, 3, 4, 5, 6, 7, 8]").replace("[3, 6]", "[3, 6, 9, 12]"))
-    code = "from flexfmu.commands.cli import main; main()"
+    code = "from flexfmu.commands.entry import main; main()"
     command = ["chart", "body.toml", "--scene", "scene.toml", "--records", "r.csv", "--bare", "--all", "--jobs", "2"]
     job = subprocess.Popen(
         [sys.executable, "-c", code, *command],

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..body.reference_loads import keeps_its_mass, lumps_are_fine
-from ..files.basics import FloatArray, UnitSystem, __version__, plural
+from ..files.basics import FloatArray, UnitSystem, own_version, plural
 from ..files.outputs import Reporter, check_target, whole_file
 from ..files.store import Store
 from ..files.threads import in_one_thread
@@ -316,7 +316,7 @@ def _provenance(config: BodySpec, mesh: Mesh, origin: Mapping[str, str]) -> dict
         "body_sha256": hashlib.sha256(config.model_dump_json(exclude={"mesh": {"file"}}).encode()).hexdigest(),
         "nodes": str(len(mesh.points)),
         "elements": str(mesh.element_count),
-        "flexfmu_version": __version__,
+        "flexfmu_version": own_version(),
         **(chosen_modes if isinstance(config.reduction.modes, list) else {}),
     }
 

@@ -1,23 +1,17 @@
 """The `flexfmu` command: its options, and its commands."""
 
-import sys
-from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from . import jobs
+from .plain import LOUDNESS, ends_in_words
 
 COMMANDS = ("build", "pack", "info", "check", "init", "simulate", "view", "couple", "chart", "fit", "damping")
 """In the order of the help; functions of `jobs`."""
 
-_FLAGS = {
-    "-q": jobs.Loudness.QUIET,
-    "--quiet": jobs.Loudness.QUIET,
-    "-v": jobs.Loudness.VERBOSE,
-    "--verbose": jobs.Loudness.VERBOSE,
-}
+_FLAGS = {"-q": "quiet", "--quiet": "quiet", "-v": "verbose", "--verbose": "verbose"}
 
 
 class _Commands(TyperGroup):
@@ -25,7 +19,7 @@ class _Commands(TyperGroup):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         found = [_FLAGS[word] for word in args if word in _FLAGS]
-        jobs.LOUDNESS.set(found[-1] if found else jobs.Loudness.USUAL)
+        LOUDNESS.set(found[-1] if found else "")
         return super().parse_args(ctx, [word for word in args if word not in _FLAGS])
 
 
@@ -38,7 +32,7 @@ app = typer.Typer(
     "bends far.",
 )
 for _name in COMMANDS:
-    app.command()(jobs.ends_in_words(getattr(jobs, _name)))
+    app.command()(ends_in_words(getattr(jobs, _name)))
 
 
 def _version(asked: bool) -> None:
@@ -61,16 +55,3 @@ def _options(
     ] = False,
 ) -> None:
     """Options of all commands."""
-
-
-def main() -> None:
-    """Entry point of the console command."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):
-            # Of terminals that lack a letter.
-            stream.reconfigure(errors="replace")
-    app(prog_name="flexfmu")
-
-
-if __name__ == "__main__":
-    main()

@@ -26,6 +26,8 @@ _TOLERANCE = 1e-8
 # forces keeps the residual above that, but not above this part of the load.
 _SETTLED, _ROUND_OFF = 1e-9, 1e-4
 _ITERATIONS = 12
+# |residual| / |load| below which the last factors serve again, as long as each round leaves a tenth at most.
+_NEAR, _LEFT = 1e-4, 0.1
 # An increment that took fewer iterations lets the next one be twice as long.
 _EASY = 6
 # The first part of the load: one increment for all of it might land beyond a limit load on the far side.
@@ -109,14 +111,15 @@ class _Body:
     def _state(self, number: int, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Slopes (e, s, 3) of a part and what works on its strains (e, r), its own shape functions in equilibrium."""
         part, local = self._parts[number], displacement.reshape(-1, 3)[self._parts[number].nodes]
-        own = self._own[number]
+        (i, j), own = part.rows.T, self._own[number]
         for _ in range(_OWN_ROUNDS):
             every = np.concatenate([local, own], axis=1)
             # Of the displacements themselves: as what places have more than at first, small strains would be round-off.
             change = part.shape_slopes @ every
-            strain = part.operator() @ every.reshape(len(every), -1, 1)
-            strain += part.products(change[..., None], np.zeros((1, 2), dtype=np.int64))
-            slopes, work = part.undeformed + change, part.work(strain)[..., 0]
+            half = part.undeformed + 0.5 * change
+            strain = np.einsum("erc,erc->er", change[:, i], half[:, j])
+            strain += np.where(i == j, 0.0, np.einsum("erc,erc->er", change[:, j], half[:, i]))
+            slopes, work = part.undeformed + change, part.work(strain[..., None])[..., 0]
             if not own.size:
                 break
             inner = part.nodes.shape[1]
@@ -178,10 +181,11 @@ def load_path(
     order = dissection_order(unknowns.matrix(body.tangent(u)), unknowns.free // 3)
     found, reached, increment = [], 0.0, _FIRST * float(factors[-1])
     increments = iterations = 0
+    tangent: Factorisation | None = None
     for factor in factors:
         while reached < factor:
             target = min(factor, reached + increment)
-            solution, used = _newton(body, unknowns, order, u, target * load, size)
+            solution, used, tangent = _newton(body, unknowns, order, u, target * load, size, tangent)
             iterations += used
             increments += 1
             if solution is None:
@@ -201,18 +205,23 @@ def load_path(
 
 
 def _newton(
-    body: _Body, unknowns: Unknowns, order: IntArray, start: FloatArray, load: FloatArray, size: float
-) -> tuple[FloatArray | None, int]:
-    """Newton's method from `start`; None where it fails, or leaves the stable path that leads from there."""
-    u, foreseen = start.copy(), 0.0
+    body: _Body, unknowns: Unknowns, order: IntArray, start: FloatArray, load: FloatArray, size: float,
+    tangent: Factorisation | None,
+) -> tuple[FloatArray | None, int, Factorisation | None]:  # fmt: skip
+    """Newton's method from `start`; None where it fails, or leaves the stable path that leads from there.
+
+    `tangent` is what was left by the increment that led to the start, where one did; what is left here comes last.
+    """
+    u, foreseen, before = start.copy(), 0.0, size
     residual = unknowns.forces(load - body.forces(u))
     for iteration in range(1, _ITERATIONS + 1):
-        try:
-            tangent = Factorisation(unknowns.matrix(body.tangent(u)), unknowns.free // 3, order)
-        except ModelError:
-            return None, iteration
-        if not tangent.positive_definite:
-            return None, iteration
+        if tangent is None:
+            try:
+                tangent = Factorisation(unknowns.matrix(body.tangent(u)), unknowns.free // 3, order)
+            except ModelError:
+                return None, iteration, None
+            if not tangent.positive_definite:
+                return None, iteration, None
         change = tangent.solve(residual)
         if iteration == 1:
             foreseen = float(np.linalg.norm(change))
@@ -220,10 +229,14 @@ def _newton(
         residual = unknowns.forces(load - body.forces(u))
         error = float(np.linalg.norm(residual))
         if not np.isfinite(error):
-            return None, iteration
+            return None, iteration, None
         settled = float(np.linalg.norm(change)) <= _SETTLED * float(np.linalg.norm(u)) and error <= _ROUND_OFF * size
         if error <= _TOLERANCE * size or settled:
             # Much farther than the tangent foresaw: a jump to another branch.
             jumped = float(np.linalg.norm(u - start)) > _JUMP * foreseen
-            return (None if jumped else u), iteration
-    return None, _ITERATIONS
+            return (None, iteration, None) if jumped else (u, iteration, tangent)
+        if error > min(_NEAR * size, _LEFT * before):
+            # Gone before the next is made: there may be no room for two.
+            tangent = None
+        before = error
+    return None, _ITERATIONS, None

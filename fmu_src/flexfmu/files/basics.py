@@ -5,7 +5,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from enum import Enum
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +26,18 @@ MOST_COUPLED_STEPS = 100_000_000
 MOST_VALUES = 5e7
 """Results that a run of FMUs keeps, rows times columns: some 2 GB while it runs."""
 
-__version__ = version("flexfmu")
-
 INTERRUPTED = 130
 """Exit code of a job that Ctrl-C ended, as shells have it."""
 
 NOT_MET = 3
 """Exit code of a search that ended well and found no model within the tolerance; 1 is an error, 2 wrong usage."""
+
+
+def own_version() -> str:
+    """Version of this package, as it is installed."""
+    from importlib.metadata import version
+
+    return version("flexfmu")
 
 
 class FlexfmuError(Exception):

@@ -15,7 +15,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -285,6 +284,8 @@ def json_text(value: object) -> str:
 
 def page_text(package: str | None, title: str, content: object, *scripts: str) -> str:
     """The page `page.html` of a package with a title, data, which its script reads, and more scripts of the package."""
+    from importlib.resources import files
+
     # Nothing in the data may end the script.
     text = json.dumps(_plain(content), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
     template, *more = (

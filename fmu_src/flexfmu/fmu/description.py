@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from ..core.building import sources
 from ..core.interface import lines
-from ..files.basics import __version__
+from ..files.basics import own_version
 from ..model.reduced_body import ReducedBody
 from ..program.variable_table import AXES, Variable, variable_table
 from .runtime import Runtime
@@ -88,7 +88,7 @@ def body_words(body: ReducedBody) -> dict[str, str]:
         "description": f"Flexible body {body.name}: {body.mode_count} modes, {body.frame_count} corotated frames. All "
         "vectors have components along the fixed global axes of its "
         "finite element model; rotations are rotation vectors.",
-        "generationTool": f"flexfmu {__version__}",
+        "generationTool": f"flexfmu {own_version()}",
         "variableNamingConvention": "structured",
     }
 

@@ -6,7 +6,6 @@ imports by name: the slave lies in a package whose name is a hash of everything 
 """
 
 import hashlib
-import tempfile
 import uuid
 import zipfile
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ from ..core.binaries import core_binaries
 from ..core.building import FLAGS, PLATFORMS, folders_3, prefix_header, source_files, sources as core_sources
 from ..files.basics import PackagingError
 from ..files.outputs import Reporter, check_target, whole_file
-from ..model.modal_file import write_modal_file
+from ..model.modal_file import modal_bytes
 from ..model.reduced_body import ReducedBody
 from ..program.compile import programs, with_guid
 from .description import files_3, model_description
@@ -127,11 +126,7 @@ def _descriptions(body: ReducedBody, runtime: Runtime, guid: str, fmi: int) -> d
 
 def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi: int, kept: bool) -> dict[str, bytes]:
     """Every file of the archive by its name."""
-    with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
-        path = Path(folder) / MODAL_FILE
-        write_modal_file(body, path)
-        modal = path.read_bytes()
-    made, code, sources = programs(body), dict[str, bytes](), dict[str, bytes]()
+    modal, made, code, sources = modal_bytes(body), programs(body), dict[str, bytes](), dict[str, bytes]()
     if runtime is Runtime.NATIVE:
         binaries = {
             f"binaries/{folder}/{body.name}{Path(name).suffix}": data

@@ -19,7 +19,7 @@ from ..build.choices import (
     support_table,
 )
 from ..build.config import BodySpec
-from ..files.basics import BodyFileError, FloatArray, IntArray, OptionError, UnitSystem, __version__, plural
+from ..files.basics import BodyFileError, FloatArray, IntArray, OptionError, UnitSystem, own_version, plural
 from ..files.outputs import Reporter, ScriptReporter
 from ..fmu.built_body import BuiltBody, load
 from ..mesh.checks import checked
@@ -205,7 +205,7 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
         spec.use,
         damping=spec.damping.ratio if spec.damping.ratio or given.damping is None else given.damping,
         variant=variant,
-        provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": __version__},
+        provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": own_version()},
     )
     body = made_body(
         use,

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from ..files.basics import MOST_VALUES, FloatArray, SimulationError, StoppedError, __version__, keeping_partial
+from ..files.basics import MOST_VALUES, FloatArray, SimulationError, StoppedError, keeping_partial, own_version
 from ..files.outputs import Reporter, Tell, check_target, ends_on_interrupt, picture_html, whole_file
 from ..files.tables import write_table
 from ..fmu.runtime import own_log
@@ -405,7 +405,7 @@ def _check(coupling: CouplingFile, described: dict[str, Description]) -> None:
 
 def _root(tag: str, **attributes: str) -> Element:
     names = {f"xmlns:{short}": _SPACE + rest for short, rest in _SPACES.items()}
-    return Element(tag, {**names, "version": "1.0", **attributes, "generationTool": f"flexfmu {__version__}"})
+    return Element(tag, {**names, "version": "1.0", **attributes, "generationTool": f"flexfmu {own_version()}"})
 
 
 def _structure(

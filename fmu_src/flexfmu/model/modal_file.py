@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from ..files.basics import ModalFileError
+from ..files.outputs import whole_file
 from .arrays import ARRAYS, Entry
 from .methods import Mass, Method
 from .reduced_body import GROUPS, ReducedBody, Shadow, StressSet
@@ -73,8 +74,21 @@ def _checksum(body: ReducedBody) -> str:
     return digest.hexdigest()
 
 
+def modal_bytes(body: ReducedBody) -> bytes:
+    """The modal file of a body; the same body gives the same bytes."""
+    with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
+        path = Path(folder) / "modal.h5"
+        with h5py.File(path, "w", libver=("v110", "v110"), userblock_size=_BLOCK) as file:
+            file.attrs.update(_attributes(body) | {"sha256": _checksum(body)})
+            for place, entry, value in _datasets(body):
+                _write(file, place, entry, value)
+            file.create_group("provenance").attrs.update(sorted(body.provenance.items()))
+        data = path.read_bytes()[_BLOCK:]
+    return (_SEAL + hashlib.sha256(data).hexdigest().encode() + b"\n").ljust(_BLOCK, b"\0") + data
+
+
 def write_modal_file(body: ReducedBody, path: Path) -> None:
-    """Write a body; the file appears whole or not at all, and the same body gives the same bytes.
+    """Write a body; the file appears whole or not at all.
 
     Parameters
     ----------
@@ -83,26 +97,12 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
 
     Raises
     ------
-    OSError
+    OutputError
         The folder cannot be written to.
     """
-    # A new folder, which nobody else may write to: no link that others have laid is followed.
-    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
-        part = Path(folder) / path.name
-        with h5py.File(part, "w", libver=("v110", "v110"), userblock_size=_BLOCK) as file:
-            for key, attribute in _attributes(body).items():
-                file.attrs[key] = attribute
-            file.attrs["sha256"] = _checksum(body)
-            for place, entry, value in _datasets(body):
-                _write(file, place, entry, value)
-            group = file.create_group("provenance")
-            for key in sorted(body.provenance):
-                group.attrs[key] = body.provenance[key]
-        with part.open("r+b") as sealed:
-            digest = _digest(sealed)
-            sealed.seek(0)
-            sealed.write(_SEAL + digest + b"\n")
-        part.replace(path)
+    data = modal_bytes(body)
+    with whole_file(path) as part:
+        part.write_bytes(data)
 
 
 def _digest(file: BinaryIO) -> bytes:

@@ -176,9 +176,10 @@ class FourthOrder:
         with self.matrices.report.counted(title, count, "solutions") as tell:
             for first in range(0, count, _COLUMNS):
                 part = slice(first, first + _COLUMNS)
-                result[:, part] = forces.T @ model.static(forces[:, part])
+                result[first:, part] = forces[:, first:].T @ model.static(forces[:, part])
                 tell(min(first + _COLUMNS, count))
-        return 0.5 * (result + result.T)
+        # What is above the diagonal was not asked for.
+        return np.tril(result) + np.tril(result, -1).T
 
     def turns(self, forces: FloatArray) -> FloatArray:
         """Rotation (p,) of the material, rms over its volume, in static responses to nodal forces (3n, p)."""

@@ -113,10 +113,9 @@ class FmuTimer:
             variables = fmpy.read_model_description(str(path)).modelVariables
             inputs = [v.name for v in variables if v.causality == "input"]
             outputs = [v.name for v in variables if v.causality == "output" and v.type == "Real"]
-            against = self._empty_fmu(inputs, outputs)
             self._ask(load, name, str(path), False)
             path.unlink()
-            self._loaded[key] = body, name, against
+            self._loaded[key] = body, name, self._empty_fmu(inputs, outputs)
         return self._loaded[key][1:]
 
     def _empty_fmu(self, inputs: list[str], outputs: list[str]) -> str:

@@ -5,7 +5,6 @@ The whole finite element model is among them: how long it takes for what a reduc
 
 import math
 import statistics
-import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from ...files.basics import AccuracyError, RuntimeBodyError, SimulationError, pl
 from ...files.outputs import Reporter
 from ...files.store import Store
 from ...model.methods import Mass, Method, has_frames
-from ...model.modal_file import write_modal_file
+from ...model.modal_file import modal_bytes
 from ...model.reduced_body import ReducedBody
 from ...model.variants import lean
 from .. import candidates
@@ -408,7 +407,7 @@ def record(
         "frame_count": body.frame_count,
         "build_s": built.seconds,
         "build_reused": "yes" if built.reused else "no",
-        "modal_bytes": modal_size(slim),
+        "modal_bytes": len(modal_bytes(slim)),
         **errors.columns,
     }
     failure = errors.failure
@@ -450,11 +449,3 @@ def _fmu_costs(
         workshop.report.warning(str(error))
         return {"note": str(error)}
     return {**times, "fmu_ms_per_s": 1e-3 * times["fmu_us"] / step}
-
-
-def modal_size(body: ReducedBody) -> int:
-    """Size of a body's modal file, bytes."""
-    with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
-        path = Path(folder) / "modal.h5"
-        write_modal_file(body, path)
-        return path.stat().st_size

@@ -1,0 +1,24 @@
+"""Where the console command begins: `info` of a file at once, all else by typer, which takes longer to start."""
+
+import os
+import sys
+from io import TextIOWrapper
+from pathlib import Path
+
+from .plain import ends_in_words, show_info
+
+
+def main() -> None:
+    """Entry point of the console command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            # Of terminals that lack a letter.
+            stream.reconfigure(errors="replace")
+    match sys.argv[1:]:
+        # Of a file that can be read: what typer says of others, and of all else, is left to it.
+        case ["info", file, *more] if {*more} <= {"--json"} and file[:1] != "-" and os.access(file, os.R_OK):
+            ends_in_words(show_info)(Path(file), bool(more))
+        case _:
+            from .cli import app
+
+            app(prog_name="flexfmu")
