@@ -817,3 +817,36 @@ def test_an_axle_of_shells_and_solids_is_calculix_s_in_large_rotation(told, tmp_
         assert own.camber[-1] == pytest.approx(expected.camber[-1], abs=0.02)
     assert np.linalg.norm(found[-1, :, :3] - reference.motion[-1, :, :3], axis=1).max() < 0.005 * size
     assert np.linalg.norm(linear[-1, :, :3] - reference.motion[-1, :, :3], axis=1).max() > 0.1 * size
+
+
+BETWEEN_BUSHINGS = """
+name = "roll"
+cut = {cut}
+mesh = {{ file = "roll.inp" }}
+support = [
+  {{ nodes = "B1", stiffness = [5e6, 1e6, 5e6], rotational_stiffness = [2e3, 2e2, 2e3] }},
+  {{ nodes = "B2", stiffness = [5e6, 1e6, 5e6], rotational_stiffness = [2e3, 2e2, 2e3] }},
+]
+interface = [{{ name = "left", nodes = "LEFT" }}, {{ name = "right", nodes = "RIGHT" }}]
+reduction = {{ modes = 6{shapes} }}
+output = {{ error = false, surface = false }}
+"""
+
+
+def test_a_bar_of_beams_between_two_bushings_is_cut_into_what_it_is_in_one_piece(tmp_path):
+    """Rigid sections warp by their resultants alone: alike there by shut gaps, they ask for nothing more."""
+    y = np.linspace(-0.5, 0.5, 11)
+    points = np.concatenate([[[-0.2, -0.5, 0.0]], np.stack([0.0 * y, y, 0.0 * y], axis=1), [[-0.2, 0.5, 0.0]]])
+    text = "*NODE\n" + "".join(f"{k}, {x}, {y}, {z}\n" for k, (x, y, z) in enumerate(points.tolist(), 1))
+    text += "*ELEMENT, TYPE=B31, ELSET=BAR\n" + "".join(f"{k}, {k}, {k + 1}\n" for k in range(1, len(points)))
+    text += "".join(f"*NSET, NSET={s}\n{k}\n" for s, k in (("LEFT", 1), ("B1", 4), ("B2", 10), ("RIGHT", 13)))
+    text += "*MATERIAL, NAME=S\n*ELASTIC\n2.1e11, 0.3\n*DENSITY\n7850\n"
+    text += "*BEAM SECTION, ELSET=BAR, MATERIAL=S, SECTION=PIPE\n0.011, 0.003\n0, 0, 1\n"
+    (tmp_path / "roll.inp").write_text(text)
+    moved = []
+    for cut, shapes in (('"auto"', ""), ("[]", ", residual_flexibility = true")):
+        (tmp_path / "roll.toml").write_text(BETWEEN_BUSHINGS.format(cut=cut, shapes=shapes))
+        model = FlexibleBody(reduce_body(read_body_file(tmp_path / "roll.toml"), Reporter()), LINEAR)
+        loads = {"left": [0.0, 0.0, 1.0], "right": [0.0, 0.0, -1.0]}
+        moved.append(model.response(model.static(loads)).displacement)
+    np.testing.assert_allclose(moved[0], moved[1], rtol=0.0, atol=1e-3 * np.abs(moved[1]).max())

@@ -72,8 +72,7 @@ class _Stack:
 
     def own(self, part: int, modes: FloatArray) -> FloatArray:
         """Rows of a part's coordinates (m_p, k) in modes (m, k) of all."""
-        start = self.first[part]
-        return modes[start : start + self.parts[part].mode_count]
+        return modes[self.first[part] :][: self.parts[part].mode_count]
 
     def on(self, part: int, frame: IntArray) -> IntArray:
         """Numbers of a part's frames as those of the whole body."""
@@ -174,7 +173,7 @@ def _modes_of_whole(
             stiffness = stiffness + rows.T @ rows
     # Sections warp alike: linear in what frames do not turn, this holds for good and leaves fewer coordinates.
     unlike = [stack.widened(w.first[0], w.first_warping) - stack.widened(w.second[0], w.second_warping) for w in welds]
-    alike = _null_space(np.concatenate(unlike), squares)
+    alike = _null_space(np.concatenate(unlike), squares, gap.reshape(-1, stack.size))
     stiffness, gap = alike.T @ stiffness @ alike, gap @ alike
     pull, turn = _stiffness(stiffness, gap, moved.reshape(-1, stack.size) @ alike)
     rows = (gap * np.sqrt(np.repeat([pull, turn], 3))[:, None]).reshape(-1, len(stiffness))
@@ -202,15 +201,20 @@ def _ties(stack: _Stack, welds: Sequence[Weld], pull: float, turn: float, modes:
     return Ties(**{name: np.concatenate([own[name], one]) if own else one for name, one in found.items()})
 
 
-def _null_space(rows: FloatArray, squares: FloatArray) -> FloatArray:
-    """Orthonormal combinations (m, m - r) of coordinates that rows (r, m) do not feel."""
+def _null_space(rows: FloatArray, squares: FloatArray, gap: FloatArray) -> FloatArray:
+    """Orthonormal combinations (m, m - r) of coordinates that rows (r, m) do not feel, but for what shut gaps imply.
+
+    All but rigid sections, as of beams, warp by their resultants, which are in balance where gaps (6 W, m) are shut.
+    """
     if not len(rows):
         return np.eye(squares.size)
     scale = 1.0 / np.sqrt(np.where(squares > 0.0, squares, squares[squares > 0.0].min()))
     _, values, turn = np.linalg.svd(rows * scale)
     rank = int((values > _DEPENDENT * values[0]).sum())
-    result, _ = np.linalg.qr((turn[rank:] * scale).T)
-    return result
+    left, own, _ = np.linalg.svd(rows * scale @ scipy.linalg.null_space(gap * scale))
+    if (needed := int((own > _DEPENDENT * values[0]).sum())) < rank:
+        turn, rank = np.linalg.svd(left[:, :needed].T @ rows * scale)[2], needed
+    return np.linalg.qr((turn[rank:] * scale).T)[0]
 
 
 def _stretch(ties: Ties, chosen: BoolArray) -> FloatArray:
@@ -240,8 +244,7 @@ def _stiffness(stiffness: FloatArray, gap: FloatArray, loads: FloatArray) -> tup
     except np.linalg.LinAlgError as error:
         raise ModelError(f"the parts do not make up a body that their supports hold ({error})") from error
     compliance = np.einsum("lm,ml->l", loads * scale, solution[:size])
-    forces = (solution[size:] / length[:, None]).reshape(len(gap), 2, 3, -1)
-    felt = np.sqrt((forces**2).sum(axis=(0, 2)))
+    felt = np.sqrt(((solution[size:] / length[:, None]).reshape(len(gap), 2, 3, -1) ** 2).sum(axis=(0, 2)))
     free = compliance > _HELD * compliance.max()
     pull, turn = (felt[:, free] ** 2 / compliance[free]).max(axis=1) * 2.0 / _SHARE
     return float(pull), float(turn)
