@@ -33,7 +33,7 @@ def text(x):
         return "{" + ", ".join(f'"{k}" = {text(v)}' for k, v in x.items()) + "}"
     if isinstance(x, list):
         return "[" + ", ".join(map(text, x)) + "]"
-    return json.dumps(str(x)) if isinstance(x, (str, Path)) else repr(x)
+    return json.dumps(str(x)) if isinstance(x, (str, Path)) else repr(float(x) if isinstance(x, float) else x)
 
 folder, models = Path(sys.argv[1]), {"linear": {"axle": {"method": "linear"}}, "frames": {"axle": {"method": "frames"}}}
 models["cut"] = {"axle": {"internal_step.tolerance": 1e-2}, "cut": True}

@@ -8,8 +8,8 @@ from typer.core import TyperGroup
 from . import jobs
 from .plain import LOUDNESS, ends_in_words
 
+# In the order of the help; functions of `jobs`.
 COMMANDS = ("build", "pack", "info", "check", "init", "simulate", "view", "couple", "chart", "fit", "damping")
-"""In the order of the help; functions of `jobs`."""
 
 _FLAGS = {"-q": "quiet", "--quiet": "quiet", "-v": "verbose", "--verbose": "verbose"}
 

@@ -1,5 +1,6 @@
 """Where the console command begins: `info` of a file at once, all else by typer, which takes longer to start."""
 
+import gc
 import os
 import sys
 from io import TextIOWrapper
@@ -17,6 +18,8 @@ def main() -> None:
     match sys.argv[1:]:
         # Of a file that can be read: what typer says of others, and of all else, is left to it.
         case ["info", file, *more] if {*more} <= {"--json"} and file[:1] != "-" and os.access(file, os.R_OK):
+            # It ends before it is worth while to look for what is not used.
+            gc.disable()
             ends_in_words(show_info)(Path(file), bool(more))
         case _:
             from .cli import app

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from ..files.console import ConsoleReporter
 
 
+# How much a command says on standard error: "quiet", "verbose", or as usual.
 LOUDNESS = ContextVar("loudness", default="")
-"""How much a command says on standard error: "quiet", "verbose", or as usual."""
 
 
 def ends_in_words(command: Callable[..., None]) -> Callable[..., None]:

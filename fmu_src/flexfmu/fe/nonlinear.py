@@ -181,14 +181,15 @@ def load_path(
     order = dissection_order(unknowns.matrix(body.tangent(u)), unknowns.free // 3)
     found, reached, increment = [], 0.0, _FIRST * float(factors[-1])
     increments = iterations = 0
-    tangent: Factorisation | None = None
+    kept: list[Factorisation] = []
     for factor in factors:
         while reached < factor:
             target = min(factor, reached + increment)
-            solution, used, tangent = _newton(body, unknowns, order, u, target * load, size, tangent)
+            solution, used = _newton(body, unknowns, order, u, target * load, size, kept)
             iterations += used
             increments += 1
             if solution is None:
+                kept.clear()
                 increment = 0.5 * (target - reached)
                 if increment < _SMALLEST:
                     raise AccuracyError(
@@ -206,37 +207,36 @@ def load_path(
 
 def _newton(
     body: _Body, unknowns: Unknowns, order: IntArray, start: FloatArray, load: FloatArray, size: float,
-    tangent: Factorisation | None,
-) -> tuple[FloatArray | None, int, Factorisation | None]:  # fmt: skip
+    kept: list[Factorisation],
+) -> tuple[FloatArray | None, int]:  # fmt: skip
     """Newton's method from `start`; None where it fails, or leaves the stable path that leads from there.
 
-    `tangent` is what was left by the increment that led to the start, where one did; what is left here comes last.
+    `kept` holds what the increment that led to the start has left, if one did, then what is left here.
     """
     u, foreseen, before = start.copy(), 0.0, size
     residual = unknowns.forces(load - body.forces(u))
     for iteration in range(1, _ITERATIONS + 1):
-        if tangent is None:
+        if not kept:
             try:
-                tangent = Factorisation(unknowns.matrix(body.tangent(u)), unknowns.free // 3, order)
+                kept.append(Factorisation(unknowns.matrix(body.tangent(u)), unknowns.free // 3, order))
             except ModelError:
-                return None, iteration, None
-            if not tangent.positive_definite:
-                return None, iteration, None
-        change = tangent.solve(residual)
-        if iteration == 1:
-            foreseen = float(np.linalg.norm(change))
+                return None, iteration
+        if not kept[0].positive_definite:
+            return None, iteration
+        change = kept[0].solve(residual)
+        foreseen = foreseen or float(np.linalg.norm(change))
         u += unknowns.whole(change)
         residual = unknowns.forces(load - body.forces(u))
         error = float(np.linalg.norm(residual))
         if not np.isfinite(error):
-            return None, iteration, None
+            return None, iteration
         settled = float(np.linalg.norm(change)) <= _SETTLED * float(np.linalg.norm(u)) and error <= _ROUND_OFF * size
         if error <= _TOLERANCE * size or settled:
             # Much farther than the tangent foresaw: a jump to another branch.
             jumped = float(np.linalg.norm(u - start)) > _JUMP * foreseen
-            return (None, iteration, None) if jumped else (u, iteration, tangent)
+            return (None if jumped else u), iteration
         if error > min(_NEAR * size, _LEFT * before):
-            # Gone before the next is made: there may be no room for two.
-            tangent = None
+            # Gone before the next are made: there may be no room for two.
+            kept.clear()
         before = error
-    return None, _ITERATIONS, None
+    return None, _ITERATIONS
