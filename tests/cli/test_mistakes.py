@@ -107,6 +107,9 @@ MISTAKES = {
     "key below a table": body(
         MESH, f"{MESH}\nfree = true", "mesh.free: unknown key", "at the top, above the first table"
     ),
+    "key below the last table": body(
+        TIP, f"{TIP}\nframes = 2", "interface[1].frames: unknown key", "Or it belongs at the top, above the first table"
+    ),
     "key of another table": body(RATIO, f"{RATIO}\nmodes = 5", "damping.modes: unknown key", "belongs to [reduction]"),
     "directions as one text": body(FIX, 'fix = "xyz"', "support[1].fix: found 'xyz'", 'such as fix = ["x", "y", "z"]'),
     "[interface]": body(

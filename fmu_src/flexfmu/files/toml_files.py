@@ -255,7 +255,7 @@ def _unknown(key: str, model: type[BaseModel], table: type[BaseModel] | None, do
     near = alike(key, own, 1)
     elsewhere = [place for name, place in _places(model, "") if name == key]
     if near:
-        hint = f", did you mean {near[0]!r}?"
+        hint = f", did you mean {near[0]!r}?{f' Or it belongs {elsewhere[0]}' if elsewhere else ''}"
     elif elsewhere:
         hint = f" here: it belongs {' or '.join(elsewhere)}"
     else:
