@@ -1,4 +1,4 @@
-"""Two bodies of a third blind trial, whose many interfaces need more pairs of motions than others."""
+"""Bodies of a third blind trial: many interfaces need more pairs of motions; stretch that bends is not told of."""
 
 from __future__ import annotations
 
@@ -64,4 +64,17 @@ def pergola() -> Body:
     return Body("pergola", mesh, chosen(turn < 1e-9), ends, cases, _ALUMINIUM, (PLASTIC, plastic))
 
 
-THIRD = (trivet, pergola)
+def bossed_strip() -> Body:
+    """Thin strip that both ends hold, with a boss on one face: its tension bends it beside the boss."""
+    x = lines((-0.03, -0.006, 8), (-0.006, 0.006, 3), (0.006, 0.03, 8))
+    grid = box_mesh(x, lines((-0.01, 0.01, 4)), lines((0.0, 0.0006, 1), (0.0006, 0.0066, 2)))
+    mesh = kept(grid, either(below(2, 0.0006), about(0, [0.0], 0.006)))
+    cases = {
+        "pushed": {"boss": (0.0, 0.0, -300.0)},
+        "pulled": {"boss": (0.0, 0.0, 300.0)},
+        "aside": {"boss": (150.0, 0.0, 0.0)},
+    }
+    return Body("bossed_strip", mesh, about(0, [-0.03, 0.03], 1e-7), {"boss": near(2, 0.0066)}, cases, _ALUMINIUM)
+
+
+THIRD = (trivet, pergola, bossed_strip)

@@ -16,8 +16,9 @@ BODIES = {make.__name__: make for make in EVERY}
 SIMPLE, QUICK = ("fork", "stocky_rod"), ("stocky_rod",)
 # Thin ones that warp or evade sideways, curved, branched, looped, soft beside stiff, of tetrahedra.
 SAMPLE = ("angle", "chain_link", "channel", "cross", "elbow", "fork", "gutter", "rubber_mount", "strip", "wishbone")
-# Of the kept record: points that are wrong while nothing is said, the share that is right, and alarms without cause.
-SILENT, RIGHT_SHARE, FALSE_ALARMS = 0, 0.895, 11
+# Of the kept record: points that are wrong while nothing is said (of the bossed strip), the share that is right, and
+# alarms without cause.
+SILENT, RIGHT_SHARE, FALSE_ALARMS = 4, 0.89, 11
 
 
 @cache
