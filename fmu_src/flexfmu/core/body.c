@@ -11,11 +11,11 @@
 
 static const char NO_MEMORY[] = "there is not enough memory";
 
-/* What each call takes of the workspace: first, those of a step. */
-enum { OF_STEPS = 3 };
+/* What each call takes of the workspace: first, those of a step and of what follows its motion. */
+enum { OF_STEPS = 4 };
 static void (*const demands[])(const Body *body, Arena *arena) = {
-    step_demand, internal_demand, seen_demand, statics_demand, motion_demand, pushes_demand,
-    stability_demand, judgement_demand, inertia_demand, compliance_demand, certificate_demand, surface_demand,
+    step_demand, internal_demand, seen_demand, inertia_demand, statics_demand, motion_demand, pushes_demand,
+    stability_demand, judgement_demand, compliance_demand, certificate_demand, surface_demand,
 };
 
 /* Numbers of a body, those that any step needs first: of many bodies in turn few pages are touched. Then what calls overwrite;

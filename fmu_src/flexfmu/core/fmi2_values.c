@@ -8,17 +8,31 @@
 #include "component.h"
 #include "instance_values.h"
 
+/* Lengths of the first runs of a call's references, once they are known. */
+typedef struct {
+    size_t known, length[8];
+} Runs;
+
+/* The next run, which is number `at` of them. */
+static size_t next_run(Component *c, Runs *runs, size_t at, const fmi2ValueReference references[], size_t count, int type, const char *call) {
+    if (at < runs->known) return runs->length[at];
+    const size_t run = run_of(c, references, count, type, call);
+    if (at < sizeof runs->length / sizeof *runs->length) runs->length[runs->known++] = run;
+    return run;
+}
+
 /* Values of variables of one type as numbers, one after another. */
 static fmi2Status numbers_of(fmi2Component handle, const fmi2ValueReference references[], size_t count, int type,
                              const char *call, void *values) {
     Component *c = given(allowed(handle, READABLE, call), !count || (references && values), call);
     if (!c) return fmi2Error;
     const Program *p = instance_description(c->body);
-    for (size_t i = 0, run; i < count; i += run)
-        if (!(run = run_of(c, references + i, count - i, type, call))) return fmi2Error;
-    for (size_t i = 0, run; i < count; i += run) {
+    Runs runs = {0, {0}};
+    for (size_t i = 0, at = 0, run; i < count; i += run)
+        if (!(run = next_run(c, &runs, at++, references + i, count - i, type, call))) return fmi2Error;
+    for (size_t i = 0, at = 0, run; i < count; i += run) {
         double number, *to = type == TYPE_REAL ? (double *)values + i : &number;
-        run = run_of(c, references + i, type == TYPE_REAL ? count - i : 1, type, call);
+        run = type == TYPE_REAL ? next_run(c, &runs, at++, references + i, count - i, type, call) : 1;
         if (get_numbers(c->body, (int64_t)references[i], (int64_t)run, to, c->text) != ANSWER_OK) return fail(c, c->text);
         const int64_t role = p->variable_role[references[i]];
         /* Inputs and parameters are what the master set. */
@@ -64,19 +78,24 @@ FMI_EXPORT fmi2Status fmi2GetString(fmi2Component handle, const fmi2ValueReferen
     return fmi2OK;
 }
 
-/* Whether all references are settable ones of a type. Sets are whole or refused. */
-static Component *settable(fmi2Component handle, const fmi2ValueReference vr[], size_t n, int type, const char *call, const void *value) {
+/* Whether all references are settable ones of a type, in runs. Sets are whole or refused. */
+static Component *settable_runs(fmi2Component handle, const fmi2ValueReference vr[], size_t n, int type, const char *call, const void *value, Runs *runs) {
     Component *c = given(allowed(handle, SETTABLE, call), !n || (vr && value), call);
     if (!c) return 0;
     const Program *p = instance_description(c->body);
-    for (size_t i = 0, run; i < n; i += run) {
-        if (!(run = run_of(c, vr + i, n - i, type, call))) return 0;
+    for (size_t i = 0, at = 0, run; i < n; i += run) {
+        if (!(run = next_run(c, runs, at++, vr + i, n - i, type, call))) return 0;
         if (p->variable_role[vr[i]] == ROLE_INPUT || p->variable_role[vr[i]] == ROLE_PARAMETER) continue;
         snprintf(c->text, TEXT_SIZE, "%s: %s cannot be set, expected an input or a parameter", call, variable_text(c->body, (int64_t)vr[i], 0, c->room));
         tell(c, fmi2Error, c->text);
         return 0;
     }
     return c;
+}
+
+static Component *settable(fmi2Component handle, const fmi2ValueReference vr[], size_t n, int type, const char *call, const void *value) {
+    Runs runs = {0, {0}};
+    return settable_runs(handle, vr, n, type, call, value, &runs);
 }
 
 /* Set a parameter; after the start it keeps its value, with a warning. */
@@ -92,18 +111,19 @@ static fmi2Status put_parameter(Component *c, fmi2ValueReference reference, doub
 }
 
 FMI_EXPORT fmi2Status fmi2SetReal(fmi2Component handle, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]) {
-    Component *c = settable(handle, vr, n, TYPE_REAL, "fmi2SetReal", value);
+    Runs runs = {0, {0}};
+    Component *c = settable_runs(handle, vr, n, TYPE_REAL, "fmi2SetReal", value, &runs);
     if (!c) return fmi2Error;
     const Program *p = instance_description(c->body);
     fmi2Status status = fmi2OK;
-    for (size_t i = 0, run; i < n; i += run) {
-        run = 1;
+    for (size_t i = 0, at = 0, run; i < n; i += run) {
+        run = next_run(c, &runs, at++, vr + i, n - i, TYPE_REAL, "fmi2SetReal");
         if (p->variable_role[vr[i]] == ROLE_INPUT) {
-            run = run_of(c, vr + i, n - i, TYPE_REAL, "fmi2SetReal");
             set_inputs(c->body, p->variable_index[vr[i]], (int64_t)run, value + i);
-        } else if (put_parameter(c, vr[i], value[i]) != fmi2OK) {
-            status = fmi2Warning;
+            continue;
         }
+        for (size_t k = i; k < i + run; k++)
+            if (put_parameter(c, vr[k], value[k]) != fmi2OK) status = fmi2Warning;
     }
     start_changed(c->body);
     return status;

@@ -104,7 +104,8 @@ static void lay_out(Instance *x, Arena *arena) {
     x->astray = take(arena, 3 * x->modes);
     x->states = take(arena, STATES * (x->modes + x->loads));
     x->number_count = arena->used - before;
-    x->own = x->over = take_overwritten(x, arena);
+    x->own = take_overwritten(x, arena);
+    x->over = &x->own;
     x->kept = take(arena, x->number_count);
     x->stress = take(arena, p->stress_sets);
     x->compliance = take(arena, 36 * p->compliances * p->compliances);
@@ -129,7 +130,8 @@ void instance_reset(Instance *x) {
         if (p->variable_role[i] == ROLE_PARAMETER) x->parameter[p->variable_index[i]] = p->variable_start[i];
     x->single[S_HINT] = 1.0;
     x->single[S_MODES] = (double)x->modes;
-    x->cached = 0;
+    x->cached = x->rated = 0;
+    x->changed = 1;
 }
 
 /* Let go what an instance holds; no instance. */
@@ -193,9 +195,17 @@ void set_parameter(Instance *x, int64_t index, double value) {
 
 int parameter_is_tunable(int64_t index) { return index < P_FIXED && PARAMETERS[index].variability == TUNABLE; }
 
-void set_inputs(Instance *x, int64_t index, int64_t count, const double *values) { memcpy(x->input + index, values, (size_t)count * sizeof(double)); }
+void set_inputs(Instance *x, int64_t index, int64_t count, const double *values) {
+    const size_t size = (size_t)count * sizeof(double);
+    if (memcmp(x->input + index, values, size) == 0) return;
+    memcpy(x->input + index, values, size);
+    x->changed = 1;
+}
 
-void set_input_rate(Instance *x, int64_t index, double value) { x->input_rate[index] = value; }
+void set_input_rate(Instance *x, int64_t index, double value) {
+    x->input_rate[index] = value;
+    x->rated = 1;
+}
 
 void start_changed(Instance *x) {
     if (runs(x)) return;
@@ -324,15 +334,15 @@ Answer instance_begin(Instance *x, char *why) {
             if (!isfinite(x->input[i])) return wrong_input(x, i, "static initialisation: ", why);
         double share;
         int64_t rounds;
-        scale_inputs(&x->scale, description(x), x->input, x->over.start_inputs);
-        const int answer = body_static(x->body, x->over.start_inputs, x->over.q1, &share, &rounds);
+        scale_inputs(&x->scale, description(x), x->input, x->over->start_inputs);
+        const int answer = body_static(x->body, x->over->start_inputs, x->over->q1, &share, &rounds);
         if (answer != FLEX_OK) {
             char words[TEXT_SIZE];
             body_static_refusal(x->body, answer, share, words, TEXT_SIZE);
             snprintf(why, TEXT_SIZE, "static initialisation: %.900s", words);
             return ANSWER_FAILED;
         }
-        memcpy(x->q, x->over.q1, (size_t)m * sizeof(double));
+        memcpy(x->q, x->over->q1, (size_t)m * sizeof(double));
     }
     x->single[S_MODES] = (double)m;
     x->single[S_KNOWN] = 1.0;
@@ -348,8 +358,8 @@ void instance_end(Instance *x) {
 Answer instance_start(Instance *x, char *why) {
     if (instance_begin(x, why) != ANSWER_OK) return instance_failed(x, ANSWER_FAILED);
     for (int64_t i = 0; i < x->loads; i++) x->previous[i] = isfinite(x->input[i]) ? x->input[i] : 0.0;
-    scale_inputs(&x->scale, description(x), x->previous, x->over.start_inputs);
-    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0.0, x->over.start_inputs, 0, why) != ANSWER_OK) {
+    scale_inputs(&x->scale, description(x), x->previous, x->over->start_inputs);
+    if (x->parameter[P_INITIALIZATION] == START_STATIC && inspect(x, x->q, x->v, 0.0, x->over->start_inputs, 0, why) != ANSWER_OK) {
         char text[TEXT_SIZE];
         memcpy(text, why, TEXT_SIZE);
         snprintf(why, TEXT_SIZE, "static initialisation: %.900s", text);
@@ -359,10 +369,14 @@ Answer instance_start(Instance *x, char *why) {
     return ANSWER_OK;
 }
 
-/* Inputs at a step's start and end, as the master means them; whether the latter are others. */
+/* Inputs at a step's start, and at its end where these are others: whether they are. As the master means them. */
 static int over_step(Instance *x, double step) {
     const int64_t kind = (int64_t)x->parameter[P_INTERPOLATION];
     int differ = 0;
+    if (kind == INTERPOLATION_CONSTANT && !x->rated) {
+        memcpy(x->over->start_inputs, x->input, (size_t)x->loads * sizeof(double));
+        return 0;
+    }
     for (int64_t i = 0; i < x->loads; i++) {
         const double now = x->input[i], before = x->previous[i], rate = x->input_rate[i];
         double start = now, end = now;
@@ -375,8 +389,8 @@ static int over_step(Instance *x, double step) {
             start = now;
             end = now + rate * step;
         }
-        x->over.start_inputs[i] = start;
-        x->over.end_inputs[i] = end;
+        x->over->start_inputs[i] = start;
+        x->over->end_inputs[i] = end;
         differ |= start != end;
     }
     return differ;
@@ -394,7 +408,7 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
         snprintf(why, TEXT_SIZE, SAY_BAD_TIME, step, time);
         return instance_failed(x, ANSWER_REFUSED);
     }
-    for (int64_t i = 0; (!all_finite(x->input, x->loads) || !all_finite(x->input_rate, x->loads)) && i < x->loads; i++) {
+    for (int64_t i = 0; (!all_finite(x->input, x->loads) || (x->rated && !all_finite(x->input_rate, x->loads))) && i < x->loads; i++) {
         if (isfinite(x->input[i]) && isfinite(x->input_rate[i])) continue;
         wrong_input(x, i, "", why);
         return instance_failed(x, ANSWER_REFUSED);
@@ -403,7 +417,7 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
     if (step == 0.0) return ANSWER_OK;
     const int64_t m = x->body->p->modes;
     const int ramps = over_step(x, step);
-    if (!all_finite(x->over.start_inputs, x->loads) || !all_finite(x->over.end_inputs, x->loads)) {
+    if (!all_finite(x->over->start_inputs, x->loads) || (ramps && !all_finite(x->over->end_inputs, x->loads))) {
         snprintf(why, TEXT_SIZE, SAY_GROWS, step);
         return instance_failed(x, ANSWER_REFUSED);
     }
@@ -412,29 +426,31 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
         snprintf(why, TEXT_SIZE, SAY_FEWEST, fewest);
         return instance_failed(x, ANSWER_REFUSED);
     }
-    scale_inputs(&x->scale, description(x), x->over.start_inputs, x->over.start_inputs);
-    scale_inputs(&x->scale, description(x), x->over.end_inputs, x->over.end_inputs);
+    scale_inputs(&x->scale, description(x), x->over->start_inputs, x->over->start_inputs);
+    if (ramps) scale_inputs(&x->scale, description(x), x->over->end_inputs, x->over->end_inputs);
     int64_t hint = (int64_t)fmax(x->single[S_HINT], ceil(fewest));
-    Work work = {0, 0, 0.0, x->over.astray, finer_by(x)};
-    memcpy(x->over.astray, x->astray, (size_t)(3 * m) * sizeof(double));
-    memcpy(x->over.q1, x->q, (size_t)m * sizeof(double));
-    memcpy(x->over.v1, x->v, (size_t)m * sizeof(double));
-    const int answer = body_step(x->body, x->over.start_inputs, ramps ? x->over.end_inputs : 0, within, x->over.q1, x->over.v1, &hint, &work);
+    const int exact = steps_are_exact(x->body);
+    Work work = {0, 0, 0.0, exact ? 0 : x->over->astray, finer_by(x)};
+    if (!exact) memcpy(x->over->astray, x->astray, (size_t)(3 * m) * sizeof(double));
+    memcpy(x->over->q1, x->q, (size_t)m * sizeof(double));
+    memcpy(x->over->v1, x->v, (size_t)m * sizeof(double));
+    const int answer = body_step(x->body, x->over->start_inputs, ramps ? x->over->end_inputs : 0, within, x->over->q1, x->over->v1, &hint, &work);
     if (answer != FLEX_OK) {
         body_refusal(x->body, answer, step, &work, why, TEXT_SIZE);
         return instance_failed(x, step_refused(x));
     }
-    const Answer verdict = inspect(x, x->over.q1, x->over.v1, within, ramps ? x->over.end_inputs : x->over.start_inputs, 0, why);
+    const Answer verdict = inspect(x, x->over->q1, x->over->v1, within, ramps ? x->over->end_inputs : x->over->start_inputs, 0, why);
     if (verdict != ANSWER_OK) return instance_failed(x, verdict);
-    memcpy(x->q, x->over.q1, (size_t)m * sizeof(double));
-    memcpy(x->v, x->over.v1, (size_t)m * sizeof(double));
-    memcpy(x->astray, x->over.astray, (size_t)(3 * m) * sizeof(double));
+    memcpy(x->q, x->over->q1, (size_t)m * sizeof(double));
+    memcpy(x->v, x->over->v1, (size_t)m * sizeof(double));
+    if (!exact) memcpy(x->astray, x->over->astray, (size_t)(3 * m) * sizeof(double));
     /* A derivative holds for one step, at whose end the input stays where it has grown to. */
-    for (int64_t i = 0; i < x->loads; i++) {
+    for (int64_t i = 0; x->rated && i < x->loads; i++) {
         if (x->input_rate[i] != 0.0) x->input[i] += x->input_rate[i] * step;
         x->input_rate[i] = 0.0;
-        x->previous[i] = x->input[i];
     }
+    memcpy(x->previous, x->input, (size_t)x->loads * sizeof(double));
+    x->changed = x->rated = 0;
     if (ramps || x->single[S_HINT] != (double)hint) x->cached &= ~CACHED_REST;
     x->single[S_LAST_STEP] = step;
     x->single[S_TIME] = time + step;
@@ -449,14 +465,15 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
 static int goes_on_resting(const Instance *x, double time, double step) {
     const int rests = CACHED_REST | CACHED_MOTION;
     return (x->cached & rests) == rests && step == x->single[S_LAST_STEP] && isfinite(time + step) &&
-           memcmp(x->input, x->previous, (size_t)x->loads * sizeof(double)) == 0 && all_zero(x->input_rate, x->loads);
+           (!x->changed || memcmp(x->input, x->previous, (size_t)x->loads * sizeof(double)) == 0) &&
+           (!x->rated || all_zero(x->input_rate, x->loads));
 }
 
 /* Only time goes on, and looks. */
 static Answer step_at_rest(Instance *x, double time, double step, char *why) {
     const int as_given = x->scale.force == 1.0 && x->scale.acceleration == 1.0;
-    if (!as_given) scale_inputs(&x->scale, description(x), x->previous, x->over.start_inputs);
-    const double *inputs = as_given ? x->previous : x->over.start_inputs;
+    if (!as_given) scale_inputs(&x->scale, description(x), x->previous, x->over->start_inputs);
+    const double *inputs = as_given ? x->previous : x->over->start_inputs;
     const Answer verdict = inspect(x, x->q, x->v, x->scale.pace * step, inputs, 1, why);
     if (verdict != ANSWER_OK) return instance_failed(x, verdict);
     x->single[S_TIME] = time + step;
@@ -469,10 +486,10 @@ enum { ON_THE_STACK = 2048 };
 static Answer step_on_the_stack(Instance *x, double time, double step, char *why) {
     double room[ON_THE_STACK];
     Arena arena = {room, 0, ON_THE_STACK, 0};
-    const Overwritten over = take_overwritten(x, &arena);
-    if (!arena.refused) x->over = over;
+    Overwritten over = take_overwritten(x, &arena);
+    if (!arena.refused) x->over = &over;
     const Answer answer = whole_step(x, time, step, why);
-    x->over = x->own;
+    x->over = &x->own;
     return answer;
 }
 

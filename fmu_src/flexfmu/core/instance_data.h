@@ -50,7 +50,8 @@ typedef enum { ANSWER_OK, ANSWER_REFUSED, ANSWER_FAILED } Answer;
 /* What a call has to say: `status` is an FMI status. */
 typedef void (*Teller)(void *to, int status, const char *text);
 
-enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4, CACHED_ERROR = 8, CACHED_REST = 16 };
+/* REST: nothing moved in the last step; ZERO, known at rest alone: nor does anything deform, or is off. */
+enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4, CACHED_ERROR = 8, CACHED_REST = 16, CACHED_ZERO = 32 };
 
 /* What calls overwrite: loads at a step's start and end, (L) like `room`; where it ends, (m) like `shape`; loads that were last looked
  * at, and drift, (L + 3m); where steps have led astray, (3m). */
@@ -58,25 +59,25 @@ typedef struct {
     double *start_inputs, *end_inputs, *seen, *astray, *room, *q1, *v1, *shape;
 } Overwritten;
 
-/* First what every step takes. Numbers lie behind. */
+/* First what every step takes: of many instances in turn few lines of memory are touched. Numbers lie behind. */
 typedef struct {
     Body *described; /* of the method at the start */
     Body *body;      /* of the method chosen, once it is known */
     Body *shadow;    /* what tells its error; null where there is none */
-    Scale scale;     /* of the parameters, where the body is known */
     int64_t modes, loads;
+    int cached, changed, rated; /* whether inputs may be others than those before; whether any may have a derivative */
     /* All that the future depends on, one run of numbers from the parameters on. */
     double *parameter, *input, *input_rate, *previous, *single, *q, *v, *seen, *drift, *astray, *states;
     /* What is found when it is asked for. */
     double *motion, *rates;
-    Overwritten over;
+    Overwritten *over; /* those below, or on the stack in a step */
+    Scale scale;   /* of the parameters, where the body is known */
     Pieces pieces; /* of the look under way */
-    int cached;
+    Overwritten own;
     double *stress, *compliance, *errors, *kept;
     double error, bound; /* over the deflection */
     double *numbers;
     int64_t number_count, parameters, fixable;
-    Overwritten own;
     uint64_t owner;  /* what states are known by */
     Teller teller;
     void *told;

@@ -74,5 +74,6 @@ const char *instance_restore(Instance *x, const void *block, int64_t size) {
     memcpy(x->numbers, x->kept, (size_t)x->number_count * sizeof(double));
     if (!same) instance_forget_body(x);
     x->cached = 0;
+    x->changed = x->rated = 1;
     return 0;
 }

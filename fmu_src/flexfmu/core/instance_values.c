@@ -11,8 +11,8 @@ static double usual_step(const Instance *x) {
 
 /* Inputs of the last step as they act on the body, in a workspace. */
 static const double *acting(Instance *x) {
-    scale_inputs(&x->scale, description(x), x->previous, x->over.end_inputs);
-    return x->over.end_inputs;
+    scale_inputs(&x->scale, description(x), x->previous, x->over->end_inputs);
+    return x->over->end_inputs;
 }
 
 /* Diagnostics: `diagnose_symbol` of each in interface.def. Of the state alone. */
@@ -125,8 +125,8 @@ Answer get_numbers(Instance *x, int64_t variable, int64_t count, double *values,
     switch (p->variable_role[variable]) {
 #define ROLE(symbol, causality, axes, most, find, ...) \
     case ROLE_##symbol: \
-        answer = find(x, why); \
-        for (int64_t index = first; answer == ANSWER_OK && index < first + count; index++) values[index - first] = __VA_ARGS__; \
+        if ((answer = find(x, why)) != ANSWER_OK) break; \
+        for (int64_t index = first; index < first + count; index++) values[index - first] = __VA_ARGS__; \
         break;
 #include "interface.def"
     }
@@ -148,10 +148,10 @@ Answer instance_derivative(Instance *x, const int64_t *outputs, int64_t output_c
             return ANSWER_REFUSED;
         }
     if (instance_begun(x, why) != ANSWER_OK) return ANSWER_FAILED;
-    memset(x->over.start_inputs, 0, (size_t)x->loads * sizeof(double));
-    for (int64_t i = 0; i < input_count; i++) x->over.start_inputs[p->variable_index[inputs[i]]] += direction[i];
-    scale_inputs(&x->scale, p, x->over.start_inputs, x->over.start_inputs);
-    if (body_derivative(x->body, acting(x), usual_step(x), x->q, x->over.start_inputs, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
+    memset(x->over->start_inputs, 0, (size_t)x->loads * sizeof(double));
+    for (int64_t i = 0; i < input_count; i++) x->over->start_inputs[p->variable_index[inputs[i]]] += direction[i];
+    scale_inputs(&x->scale, p, x->over->start_inputs, x->over->start_inputs);
+    if (body_derivative(x->body, acting(x), usual_step(x), x->q, x->over->start_inputs, x->rates) != FLEX_OK) return instance_lacks_room(x, why);
     x->cached &= ~CACHED_MOTION;
     for (int64_t i = 0; i < output_count; i++) {
         result[i] = x->rates[p->variable_index[outputs[i]]];

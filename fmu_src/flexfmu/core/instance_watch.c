@@ -25,7 +25,7 @@ int find_motion_at(Instance *x, const double *q, const double *v) {
 
 /* What is looked for; limits and what happens beyond them follow each other in turn. */
 static Monitor monitor_of(Instance *x) {
-    Monitor monitor = {x->body, x->shadow, x->scale, {{0}}, x->parameter[P_ERROR_INTERVAL], x->over.room, x->over.shape, x->errors, &x->pieces};
+    Monitor monitor = {x->body, x->shadow, x->scale, {{0}}, x->parameter[P_ERROR_INTERVAL], x->over->room, x->over->shape, x->errors, &x->pieces};
     const double *limit = x->parameter + P_ROTATION_LIMIT;
     for (int i = 0; i < WATCHES; i++, limit += 2) monitor.watch[i] = (Watch){limit[0], (OnLimit)limit[1]};
     return monitor;
@@ -100,20 +100,22 @@ static int may_refuse(const Monitor *monitor) {
 Answer inspect(Instance *x, const double *q, const double *v, double step, const double *inputs, int rests, char *why) {
     const Bounds bounds = {x->parameter[P_BOUND_ROTATION], x->parameter[P_BOUND_DISPLACEMENT]};
     const Monitor monitor = monitor_of(x);
-    StepEnd end = {q, v, x->motion, inputs, step, x->q, x->v, rests, rests};
+    StepEnd end = {q, v, x->motion, inputs, step, x->q, x->v, rests, rests, 0};
     Memory memory = recalled(x);
     Findings found;
     Answer answer = ANSWER_OK;
-    if (step > 0.0 && !rests) memory.astray = x->over.astray;
+    const int64_t m = x->body->p->modes;
+    if (step > 0.0 && !rests && !steps_are_exact(x->body)) memory.astray = x->over->astray;
+    if (rests) end.zero = (x->cached & CACHED_ZERO) || (all_zero(q, m) && all_zero(v, m) && all_zero(x->drift, 3 * m) && all_zero(x->astray, 3 * m));
     /* A body at rest is where it was. */
-    const size_t size = (size_t)x->body->p->modes * sizeof(double), kept = (size_t)(x->loads + 3 * x->modes) * sizeof(double);
-    const int still = step > 0.0 && (x->cached & CACHED_MOTION) && memcmp(q, x->q, size) == 0 && memcmp(v, x->v, size) == 0;
+    const size_t size = (size_t)m * sizeof(double), kept = (size_t)(x->loads + 3 * x->modes) * sizeof(double);
+    const int still = rests || (step > 0.0 && (x->cached & CACHED_MOTION) && memcmp(q, x->q, size) == 0 && memcmp(v, x->v, size) == 0);
     x->cached = 0;
     if (!still && !find_motion_at(x, q, v)) return instance_lacks_room(x, why);
     if (!rests) end.calm = deforms_little(&monitor, &bounds, q, &memory);
     if (!rests && !within_bounds(x->body, &bounds, &end, why, TEXT_SIZE)) return step_refused(x);
     /* Loads seen, and drift behind them. */
-    if (may_refuse(&monitor)) memcpy(x->over.seen, x->seen, kept);
+    if (may_refuse(&monitor)) memcpy(x->over->seen, x->seen, kept);
     look(&monitor, &end, &memory, &found);
     for (int i = 0; i < found.count; i++) {
         if (found.action[i] == ON_WARN) continue;
@@ -122,11 +124,11 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
         if (answer == ANSWER_OK) answer = ANSWER_REFUSED;
     }
     if (answer != ANSWER_OK) {
-        memcpy(x->seen, x->over.seen, kept);
+        memcpy(x->seen, x->over->seen, kept);
         return answer;
     }
     keep_memory(x, &memory);
     tell_warnings(x, &found);
-    x->cached = CACHED_MOTION | (still ? CACHED_REST : 0);
+    x->cached = CACHED_MOTION | (still ? CACHED_REST : 0) | (end.zero ? CACHED_ZERO : 0);
     return ANSWER_OK;
 }

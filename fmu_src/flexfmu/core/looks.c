@@ -137,7 +137,7 @@ double error_due(const Monitor *monitor, const StepEnd *end, Memory *memory) {
     seen->steps += 1.0;
     if (!end->rests && !p->rigid) seen->deflection = fmax(seen->deflection, farthest(p, end->motion, &worst));
     const double far = IN_TIME * watch->limit / seen->bound, always = monitor->interval <= 1.0;
-    const double patience = fmin(fmax(far, 1.0), PATIENCE) * monitor->interval * fmax(1.0, (double)monitor->shadow->p->modes / QUICK);
+    const double patience = fmin(fmax(far, 1.0), PATIENCE) * monitor->interval * monitor->pieces->slow;
     const int waited = seen->steps >= patience && fabs(energy - seen->energy) > MOVED * seen->largest;
     const double growth = fmin(fmax(far, GROWN), p->rigid ? GROWN : GROWN_FAR);
     if (!always && !waited && !(energy > growth * seen->largest)) return 0.0;
@@ -199,6 +199,7 @@ static int can_look(const Monitor *monitor, int kind) {
 void count_looks(const Monitor *monitor) {
     Pieces *pieces = monitor->pieces;
     double *inputs = monitor->inputs;
+    pieces->slow = monitor->shadow ? fmax(1.0, (double)monitor->shadow->p->modes / QUICK) : 1.0;
     memset(inputs, 0, (size_t)monitor->body->p->loads * sizeof(double));
     for (int kind = 0; kind <= LOOKS; kind++) {
         Slice slice = {.until = COUNTS};

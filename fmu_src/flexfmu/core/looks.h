@@ -51,6 +51,7 @@ typedef struct {
     int begun;     /* 0; or what it is of the look under way */
     double beyond; /* what stability is known to lie above */
     double energy; /* twice that of the body where the last step ended */
+    double slow;   /* by how much longer looks at the error may take than of a small shadow */
     Arena arena;
     double whole[LOOKS], by_load; /* cost of all pieces of each look; of those of the cause also for each load that acts */
     double *laid_out;             /* (WAITING, LAID_OUT): what the arena of each look begins with */

@@ -80,12 +80,17 @@ void step_demand(const Body *body, Arena *arena) {
 
 enum { DIVISIBLE, EXACT, SHORT };
 
+/* Whether a body whose loads do not depend on q needs internal steps. */
+static int divides(const Program *p) { return p->inertial || p->turns || (p->dampers && !p->tied); }
+
+int steps_are_exact(const Body *body) { return !divides(body->p) && !body->p->stretches && !forces_depend(body); }
+
 /* A step of any length where no load depends on q: nothing to iterate, nothing to divide. */
 static int exact_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v, double *astray) {
     const int64_t m = body->p->modes;
     Arena arena = work_arena(body);
     Exact room;
-    if (body->p->inertial || body->p->turns || (body->p->dampers && !body->p->tied)) return DIVISIBLE;
+    if (divides(body->p)) return DIVISIBLE;
     take_exact(body, &arena, &room);
     if (arena.refused) return SHORT;
     Loads *loads = &room.loads;

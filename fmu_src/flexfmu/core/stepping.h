@@ -7,6 +7,8 @@
 void step_demand(const Body *body, Arena *arena);
 void internal_demand(const Body *body, Arena *arena);
 
+/* Whether no step has an error, whatever the loads. */
+int steps_are_exact(const Body *body);
 /* A step from (q, v), overwritten where the answer is FLEX_OK; `inputs_end` null for loads held over the step.
  * `hint` is the number of internal steps to begin with, and the one for the next step. */
 int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,

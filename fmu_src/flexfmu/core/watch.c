@@ -6,6 +6,7 @@
 #include "algebra.h"
 #include "polynomial.h"
 #include "propagation.h"
+#include "tree.h"
 
 /* e: elastic coordinates; columns: the loads, then unit loads on the interfaces. */
 typedef struct {
@@ -279,7 +280,10 @@ void inertia_demand(const Body *body, Arena *arena) {
 /* How far motion is off where a step ends, and the momentum left out there. */
 static void follow_drift(Body *body, const StepEnd *end, double *off, double *rate, double *before) {
     const int64_t m = body->p->modes;
+    double on_stack[ON_STACK];
+    const Scratch own = onto_stack(body, on_stack);
     Arena arena = work_arena(body);
+    body->scratch = own;
     MissedRoom room;
     take_missed(body, &arena, &room);
     if (arena.refused) return;
@@ -305,13 +309,13 @@ void body_astray(Body *body, const StepEnd *end, double *drift, const double *as
     const Program *p = body->p;
     const int64_t m = p->modes;
     /* Nothing is left out of what does not move. */
-    if (!mass_is_exact(p) && (!all_zero(end->v, m) || !all_zero(end->v0, m) || !all_zero(drift, 3 * m)))
+    if (!end->zero && !mass_is_exact(p) && (!all_zero(end->v, m) || !all_zero(end->v0, m) || !all_zero(drift, 3 * m)))
         follow_drift(body, end, drift, drift + m, drift + 2 * m);
     const double *off[CAUSES] = {drift, astray}, beyond[CAUSES] = {p->inertial ? BEYOND : 1.0, BEYOND}, least = UNSEEN * p->body_size[0];
     so_far->time += end->step;
-    so_far->moved += end->step * fmax(linear_reach(p, end->q), carried_reach(p, end->v, ahead));
+    if (!end->zero) so_far->moved += end->step * fmax(linear_reach(p, end->q), carried_reach(p, end->v, ahead));
     for (int k = 0; k < CAUSES; k++) {
-        so_far->off[k] += end->step * linear_reach(p, off[k]);
+        if (!end->zero) so_far->off[k] += end->step * linear_reach(p, off[k]);
         if (isfinite(so_far->off[k]) && so_far->off[k] > 0.0)
             so_far->error[k] = beyond[k] * sqrt(so_far->off[k] / fmax(so_far->moved, least * least * so_far->time));
     }

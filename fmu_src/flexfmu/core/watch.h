@@ -5,12 +5,13 @@
 #include "data.h"
 
 /* Where a step, s, ends; of 0 s where none was taken yet: in times of the body, and loads as they act on it. Where it began.
- * Whether the step before was the same, and nothing moved in either; whether deformation is known to be far from all limits. */
+ * Whether the step before was the same, and nothing moved in either; whether deformation is known to be far from all limits;
+ * whether nothing moves, deforms or is off. */
 typedef struct {
     const double *q, *v, *motion, *inputs; /* (m), (m), (6I) and (L) */
     double step;
     const double *q0, *v0; /* (m) */
-    int rests, calm;
+    int rests, calm, zero;
 } StepEnd;
 
 void judgement_demand(const Body *body, Arena *arena);
