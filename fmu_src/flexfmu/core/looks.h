@@ -50,7 +50,7 @@ typedef struct {
     Slice slice;
     int begun;     /* 0; or what it is of the look under way */
     double beyond; /* what stability is known to lie above */
-    double energy; /* twice that of the body where the last step ended */
+    double energy; /* twice that of the body where the last step ended; NaN where nobody asked */
     double slow;   /* by how much longer looks at the error may take than of a small shadow */
     Arena arena;
     double whole[LOOKS], by_load; /* cost of all pieces of each look; of those of the cause also for each load that acts */

@@ -17,9 +17,8 @@ void take_stretch(const Body *body, Arena *arena, Stretch *at) {
 void stretch_at(const Body *body, const double *q, Stretch *at) {
     const Program *p = body->p;
     const int64_t m = p->modes;
-    for (int64_t r = 0; r < p->stretches; r += LANES) {
-        four_rows(body, p->stretch + r / LANES * packed_size(m), q, at->slope + r * m, m);
-    }
+    if (passed(body->slice, packed_groups(m) * ((p->stretches + LANES - 1) / LANES) + 1)) return;
+    for (int64_t r = 0; r < p->stretches; r += LANES) four_rows(body, p->stretch + r / LANES * packed_size(m), q, at->slope + r * m, m);
     if (!due(body->slice, (double)(2 * m * p->stretches))) return;
     for (int64_t r = 0; r < p->stretches; r++) {
         at->bent[r] = dot(at->slope + r * m, q, m);

@@ -64,11 +64,12 @@ int wanted(const Program *p, const Need *need, int64_t row) {
     return !need || (node < p->nodes ? need[node].offset : need[node - p->nodes].turn);
 }
 
-static double four_rows_cost(int64_t r) { return (double)(LANES * r * r / 2 / packed_groups(r)); }
+/* Whole numbers; a division of these takes several times as long. */
+static double four_rows_cost(int64_t r) { return (double)(int64_t)((double)(LANES * r * r / 2) / (double)packed_groups(r)); }
 
 void four_rows(const Body *body, const double *packed, const double *x, double *rows, int64_t r) {
     const int64_t groups = packed_groups(r);
-    const Rows now = rows_due(body->slice, groups, four_rows_cost(r));
+    const Rows now = body->slice ? rows_due(body->slice, groups, four_rows_cost(r)) : (Rows){0, groups};
     /* What goes on in another call waits in its place. */
     double *four = body->slice ? rows : body->scratch.four;
     if (now.at == now.end) return;
@@ -93,11 +94,12 @@ void turn_rows(const Body *body, const Need *need, const double *bent, double *t
         const int64_t r = p->extent[part], size = packed_size(r);
         const double *curvature = bend->curvature;
         const int64_t groups = packed_groups(r);
-        const double cost = four_rows_cost(r);
-        for (int64_t first = 0; first < bend->count; first += LANES, curvature += size) {
-            int any = 0;
+        if (!need && passed(body->slice, groups * ((bend->count + LANES - 1) / LANES))) continue;
+        const double cost = body->slice ? four_rows_cost(r) : 0.0;
+        for (int64_t first = 0; first < bend->count && !over(body->slice); first += LANES, curvature += size) {
+            int any = !need;
             if (!need && dealt_with(body->slice, groups, cost)) continue;
-            for (int64_t k = first; k < first + LANES && k < bend->count; k++) any |= wanted(p, need, bend->row[k]);
+            for (int64_t k = first; !any && k < first + LANES && k < bend->count; k++) any |= wanted(p, need, bend->row[k]);
             if (any) four_rows(body, curvature, bent + part * p->modes, to + bend->start + first * r, r);
         }
     }
