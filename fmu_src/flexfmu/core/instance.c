@@ -202,10 +202,7 @@ void set_inputs(Instance *x, int64_t index, int64_t count, const double *values)
     x->changed = 1;
 }
 
-void set_input_rate(Instance *x, int64_t index, double value) {
-    x->input_rate[index] = value;
-    x->rated = 1;
-}
+void set_input_rate(Instance *x, int64_t index, double value) { x->input_rate[index] = value, x->rated = 1; }
 
 void start_changed(Instance *x) {
     if (runs(x)) return;
