@@ -24,7 +24,7 @@ from flexfmu.model.methods import Method
 from .core_step import INTERFACES, STEP, beam, compiled
 from .records import write_records
 
-BLOCKS, REPEATS = 800, 20
+BLOCKS, REPEATS = 800, 100
 LOADS = {"bent": {"force.y": 500.0}, "pressed": {"force.x": -2.0e4, "force.y": 50.0}}
 
 
