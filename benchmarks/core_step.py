@@ -72,7 +72,7 @@ class Record:
         return self.operations / self.fastest
 
 
-def beam(interfaces: dict[str, str], frames: int, **wanted: object) -> ReducedBody:
+def beam(interfaces: dict[str, str], frames: int, method: Method = Method.FRAMES, **wanted: object) -> ReducedBody:
     """The clamped beam with some interfaces and frames, and the data that methods timed here need."""
     config = read_body_file(ROOT / "demo" / "clamped_beam" / "body.toml")
     wanted = {"modes": MODES, "second_order": True} | wanted
@@ -83,7 +83,7 @@ def beam(interfaces: dict[str, str], frames: int, **wanted: object) -> ReducedBo
         "frame": [],
         "damping": DampingTable(ratio=0.01),
         "output": OutputTable(velocities=True),
-        "formulation": FormulationTable(method=Method.FRAMES),
+        "formulation": FormulationTable(method=method),
     }
     return reduce_body(config.model_copy(update=changes), Reporter(), Store())
 
@@ -135,20 +135,29 @@ def _libpython() -> str:
     return str(Path(folder) / name) if name and name.endswith(".so") else ""
 
 
+def beams(folder: Path) -> list[tuple[str, Path, str]]:
+    """Names, FMUs and methods of beams with constant mass, and of the default."""
+    cases = []
+    for label, interfaces in (("4 interfaces", INTERFACES), ("1 interface", {"tip": "TIP"})):
+        for frames in (8, 2):
+            fmu = folder / f"beam{frames}_{len(interfaces)}.fmu"
+            package_fmu(beam(interfaces, frames), fmu)
+            if frames == 8:
+                cases.append((f"linear, {label}", fmu, "linear"))
+            cases.append((f"frames, {frames} frames, {label}", fmu, "frames"))
+            cases.append((f"second_order, {frames} frames, {label}", fmu, "second_order"))
+        usual = folder / f"usual_{len(interfaces)}.fmu"
+        package_fmu(beam(interfaces, 2, Method.SECOND_ORDER), usual)
+        cases.append((f"second_order, 2 frames, mass polynomial, {label}", usual, "second_order"))
+    return cases
+
+
 def measure(output: Path) -> None:
     """Build everything, time everything in turns with the empty native FMU, write the records."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         driver = Driver(folder)
-        cases: list[tuple[str, Path, str]] = []
-        for label, interfaces in (("4 interfaces", INTERFACES), ("1 interface", {"tip": "TIP"})):
-            for frames in (8, 2):
-                fmu = folder / f"beam{frames}_{len(interfaces)}.fmu"
-                package_fmu(beam(interfaces, frames), fmu)
-                if frames == 8:
-                    cases.append((f"linear, {label}", fmu, "linear"))
-                cases.append((f"frames, {frames} frames, {label}", fmu, "frames"))
-                cases.append((f"second_order, {frames} frames, {label}", fmu, "second_order"))
+        cases = beams(folder)
         every = folder / "every_method.fmu"
         package_fmu(beam(INTERFACES, 8, geometric_stiffness=["by_load", "by_mode"]), every)
         others = [one for one in Method if one not in (Method.LINEAR, Method.FRAMES, Method.SECOND_ORDER)]
