@@ -363,7 +363,7 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
             const double own = room->found[OWN], finer = apart(room->other, room->plain, interfaces, room->bent);
             room->found[WITHIN] = fmax(own - fabs(own - finer), 0.0);
         }
-        if (due(slice, (double)(body->p->stretches * body->p->modes * body->p->modes))) room->found[FLAT] = moved_by_flattening(body, room, q);
+        if (due(slice, (double)(2 * body->p->stretch_numbers))) room->found[FLAT] = moved_by_flattening(body, room, q);
         if (due(slice, (double)(6 * body->p->strains * body->p->modes))) room->found[STRAIN] = body_strain(body, q);
     } else if (!slice || slice->failed) {
         room->found[SOFT] = 0.0;

@@ -287,7 +287,7 @@ void take_tangent_room(const Body *body, Arena *arena, TangentRoom *room) {
     room->gaps = take(arena, 12 * p->ties * m);
     room->row = take(arena, 3 * m);
     room->square = take(arena, p->by_mode_given * m * m);
-    take_stretch(body, arena, &room->stretch);
+    take_stretch_stiffness(body, arena, &room->stretch);
 }
 
 /* out (m, m) += what loads that turn with an interface change by its spin; they themselves join room->loads. */

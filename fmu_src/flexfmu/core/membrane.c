@@ -7,22 +7,86 @@
 #include "algebra.h"
 #include "tree.h"
 
+/* Forms that go by the same coordinates, as many as `size`: of a part with their basis (size, m), at last q itself without. */
+typedef struct {
+    int64_t part, first, end, size;
+    const double *basis, *packed;
+    int64_t slope; /* where theirs begin */
+} Forms;
+
+/* The forms after those, of the first part after part -1; whether there are any. */
+static int next_forms(const Program *p, Forms *forms) {
+    const int64_t m = p->modes;
+    forms->packed = forms->part < 0 ? p->stretch : forms->packed + packed_total(forms->end - forms->first, forms->size);
+    forms->slope = forms->part < 0 ? 0 : forms->slope + (forms->end - forms->first + LANES - 1) / LANES * LANES * forms->size;
+    const double *after = forms->part < 0 || !p->basis_numbers ? p->basis : forms->basis + forms->size * m;
+    forms->first = forms->end;
+    for (forms->part++; forms->part < p->parts; forms->part++) {
+        forms->basis = after;
+        forms->size = p->extent[forms->part];
+        forms->end += p->stretch_rows[forms->part];
+        if (forms->end > forms->first) return 1;
+        if (p->basis_numbers) after += forms->size * m;
+    }
+    forms->basis = 0;
+    forms->size = m;
+    forms->end = p->stretches;
+    return forms->end > forms->first;
+}
+
+static const Forms NO_FORMS = {-1, 0, 0, 0, 0, 0, 0};
+
 void take_stretch(const Body *body, Arena *arena, Stretch *at) {
-    const int64_t count = body->p->stretches;
-    at->slope = take(arena, (count + LANES - 1) / LANES * LANES * body->p->modes);
-    at->bent = take(arena, count);
-    at->whole = take(arena, count);
+    const Program *p = body->p;
+    Forms forms = NO_FORMS;
+    int64_t slopes = 0, size = 0;
+    while (next_forms(p, &forms)) {
+        slopes += (forms.end - forms.first + LANES - 1) / LANES * LANES * forms.size;
+        if (forms.basis) size = larger(size, forms.size);
+    }
+    at->slope = take(arena, slopes);
+    at->bent = take(arena, p->stretches);
+    at->whole = take(arena, p->stretches);
+    at->own = take(arena, size);
+    at->sum = take(arena, size);
+    at->square = at->row = 0;
+}
+
+void take_stretch_stiffness(const Body *body, Arena *arena, Stretch *at) {
+    const Program *p = body->p;
+    Forms forms = NO_FORMS;
+    int64_t size = 0;
+    while (next_forms(p, &forms))
+        if (forms.basis) size = larger(size, forms.size);
+    take_stretch(body, arena, at);
+    at->square = take(arena, size * size);
+    at->row = take(arena, size * p->modes);
+}
+
+/* Coordinates of a part, in a workspace; q itself without one. */
+static const double *coordinates_of(const Body *body, const Forms *forms, const double *q, const Stretch *at) {
+    const int64_t m = body->p->modes;
+    if (!forms->basis) return q;
+    const Rows now = rows_due(body->slice, forms->size, (double)m);
+    rows_times(forms->basis + now.at * m, q, at->own + now.at, now.end - now.at, m);
+    return at->own;
 }
 
 void stretch_at(const Body *body, const double *q, Stretch *at) {
     const Program *p = body->p;
     const int64_t m = p->modes;
-    if (passed(body->slice, packed_groups(m) * ((p->stretches + LANES - 1) / LANES) + 1)) return;
-    for (int64_t r = 0; r < p->stretches; r += LANES) four_rows(body, p->stretch + r / LANES * packed_size(m), q, at->slope + r * m, m);
-    if (!due(body->slice, (double)(2 * m * p->stretches))) return;
-    for (int64_t r = 0; r < p->stretches; r++) {
-        at->bent[r] = dot(at->slope + r * m, q, m);
-        at->whole[r] = at->bent[r] + dot(p->stretch_linear + r * m, q, m);
+    Forms forms = NO_FORMS;
+    while (next_forms(p, &forms)) {
+        const int64_t k = forms.size, fours = (forms.end - forms.first + LANES - 1) / LANES;
+        if (passed(body->slice, (forms.basis ? k : 0) + packed_groups(k) * fours + 1)) continue;
+        const double *x = coordinates_of(body, &forms, q, at);
+        for (int64_t r = 0; r < forms.end - forms.first; r += LANES)
+            four_rows(body, forms.packed + r / LANES * packed_size(k), x, at->slope + forms.slope + r * k, k);
+        if (!due(body->slice, (double)(2 * k * (forms.end - forms.first)))) continue;
+        for (int64_t r = forms.first; r < forms.end; r++) {
+            at->bent[r] = at->whole[r] = dot(at->slope + forms.slope + (r - forms.first) * k, x, k);
+            if (!forms.basis) at->whole[r] += dot(p->stretch_linear + r * m, q, m);
+        }
     }
 }
 
@@ -33,41 +97,83 @@ double stretch_energy(const Body *body, const Stretch *at) {
     return energy;
 }
 
+/* out (m) += what the coordinates of a part make of their sum, in its workspace. */
+static void add_sum(const Body *body, const Forms *forms, const Stretch *at, double *out) {
+    if (forms->basis) add_rows(at->sum, forms->basis, out, forms->size, body->p->modes);
+}
+
 void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes;
-    for (int64_t r = 0; r < p->stretches; r++) {
-        const double sign = p->stretch_sign[r];
-        const double bent = sign * (a->bent[r] + b->bent[r]), whole = sign * (a->whole[r] + b->whole[r]);
-        const double *linear = p->stretch_linear + r * m, *first = a->slope + r * m, *last = b->slope + r * m;
-        for (int64_t j = 0; j < m; j++) out[j] -= bent * linear[j] + whole * (first[j] + last[j]);
+    Forms forms = NO_FORMS;
+    while (next_forms(p, &forms)) {
+        const int64_t k = forms.size;
+        double *sum = forms.basis ? b->sum : out;
+        if (forms.basis) memset(sum, 0, (size_t)k * sizeof(double));
+        for (int64_t r = forms.first; r < forms.end; r++) {
+            const double sign = p->stretch_sign[r], *linear = p->stretch_linear + r * m;
+            const double bent = sign * (a->bent[r] + b->bent[r]), whole = sign * (a->whole[r] + b->whole[r]);
+            const int64_t place = forms.slope + (r - forms.first) * k;
+            const double *first = a->slope + place, *last = b->slope + place;
+            for (int64_t j = 0; forms.basis && j < k; j++) sum[j] -= whole * (first[j] + last[j]);
+            for (int64_t j = 0; !forms.basis && j < m; j++) out[j] -= bent * linear[j] + whole * (first[j] + last[j]);
+        }
+        add_sum(body, &forms, b, out);
     }
 }
 
 void add_turned_stretch(const Body *body, const Stretch *at, const double *direction, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes;
-    for (int64_t r = 0; r < p->stretches; r++) {
-        if (p->stretch_sign[r] < 0.0) continue;
-        const double *linear = p->stretch_linear + r * m, *slope = at->slope + r * m;
-        const double first = 2.0 * dot(linear, direction, m), more = 4.0 * dot(slope, direction, m), whole = first + more;
-        for (int64_t j = 0; j < m; j++) out[j] += more * linear[j] + 2.0 * whole * slope[j];
+    Forms forms = NO_FORMS;
+    while (next_forms(p, &forms)) {
+        const int64_t k = forms.size;
+        const double *along = direction;
+        if (forms.basis) {
+            rows_times(forms.basis, direction, at->own, k, m);
+            memset(at->sum, 0, (size_t)k * sizeof(double));
+            along = at->own;
+        }
+        for (int64_t r = forms.first; r < forms.end; r++) {
+            if (p->stretch_sign[r] < 0.0) continue;
+            const double *linear = p->stretch_linear + r * m, *slope = at->slope + forms.slope + (r - forms.first) * k;
+            const double first = forms.basis ? 0.0 : 2.0 * dot(linear, direction, m), more = 4.0 * dot(slope, along, k), whole = first + more;
+            for (int64_t j = 0; forms.basis && j < k; j++) at->sum[j] += 2.0 * whole * slope[j];
+            for (int64_t j = 0; !forms.basis && j < m; j++) out[j] += more * linear[j] + 2.0 * whole * slope[j];
+        }
+        add_sum(body, &forms, at, out);
     }
 }
 
 void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes;
-    for (int64_t group = 0; group < p->stretches && !over(body->slice); group += LANES) {
-        double whole[LANES] = {0.0};
-        for (int64_t r = group; r < group + LANES && r < p->stretches; r++) {
-            const double *linear = p->stretch_linear + r * m, *slope = at->slope + r * m;
-            const double four = 4.0 * p->stretch_sign[r];
-            whole[r - group] = four * at->whole[r];
-            const Rows rows = rows_due(body->slice, m, (double)(2 * m));
-            for (int64_t i = rows.at; i < rows.end; i++)
-                add_two_rows(four * (linear[i] + 2.0 * slope[i]), slope, four * slope[i], linear, out + i * m, m);
+    Forms forms = NO_FORMS;
+    while (next_forms(p, &forms) && !over(body->slice)) {
+        const int64_t k = forms.size;
+        double *square = forms.basis ? at->square : out;
+        if (forms.basis) clear_rows(square, k, rows_due(body->slice, k, cost_of_copy(k)));
+        for (int64_t group = forms.first; group < forms.end && !over(body->slice); group += LANES) {
+            double whole[LANES] = {0.0};
+            for (int64_t r = group; r < group + LANES && r < forms.end; r++) {
+                const double *linear = p->stretch_linear + r * m, *slope = at->slope + forms.slope + (r - forms.first) * k;
+                const double four = 4.0 * p->stretch_sign[r];
+                whole[r - group] = four * at->whole[r];
+                const Rows rows = rows_due(body->slice, k, (double)(2 * k));
+                for (int64_t i = rows.at; i < rows.end; i++) {
+                    if (forms.basis) {
+                        const double twice = 2.0 * four * slope[i];
+                        add_rows(&twice, slope, square + i * k, 1, k);
+                    } else
+                        add_two_rows(four * (linear[i] + 2.0 * slope[i]), slope, four * slope[i], linear, out + i * m, m);
+                }
+            }
+            add_four(body, whole, forms.packed + (group - forms.first) / LANES * packed_size(k), square, k);
         }
-        add_four(body, whole, p->stretch + group / LANES * packed_size(m), out, m);
+        if (!forms.basis || over(body->slice)) continue;
+        Rows now = rows_due(body->slice, k, (double)(k * m));
+        product(square + now.at * k, forms.basis, at->row + now.at * m, now.end - now.at, k, m);
+        now = rows_due(body->slice, k, (double)(m * m));
+        if (now.end > now.at) add_transposed_product(forms.basis + now.at * m, at->row + now.at * m, out, now.end - now.at, m, m);
     }
 }

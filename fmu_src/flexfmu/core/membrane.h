@@ -5,11 +5,15 @@
 #include "data.h"
 
 typedef struct {
-    double *slope;        /* (R, m): S_r q */
+    double *slope;        /* S_r q, of those of a part in its coordinates */
     double *bent, *whole; /* (R): q.S_r q; sigma_r */
+    double *own, *sum;    /* (m) each: workspaces, coordinates of a part */
+    double *square, *row; /* (r, r) and (r, m) of the largest part, where the stiffness is wanted */
 } Stretch;
 
 void take_stretch(const Body *body, Arena *arena, Stretch *at);
+/* The same with room for the stiffness. */
+void take_stretch_stiffness(const Body *body, Arena *arena, Stretch *at);
 void stretch_at(const Body *body, const double *q, Stretch *at);
 double stretch_energy(const Body *body, const Stretch *at);
 /* out -= the discrete gradient of the energy between two places; its derivative where they are one and the same. */

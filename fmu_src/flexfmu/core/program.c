@@ -122,7 +122,13 @@ static const char *inconsistent(const Program *p) {
         if (bends != p->bends) return "curvatures are incomplete";
     }
     if (2 * p->judged_pairs != (p->judged ? p->elastic_count * (p->elastic_count + 1) : 0)) return "the second opinion is incomplete";
-    if (p->stretch_numbers != packed_total(p->stretches, m)) return "stretches are incomplete";
+    int64_t stretches = 0, stretch_numbers = 0;
+    for (int64_t part = 0; part < p->parts; part++) {
+        if (p->stretch_rows[part] < 0 || p->stretch_rows[part] > (p->basis_numbers ? p->stretches - stretches : 0)) return "a stretch is of no part";
+        stretches += p->stretch_rows[part];
+        stretch_numbers += packed_total(p->stretch_rows[part], p->extent[part]);
+    }
+    if (p->stretch_numbers != stretch_numbers + packed_total(p->stretches - stretches, m)) return "stretches are incomplete";
     if (!positive(p->mass, p->masses, 1) || !positive(p->tie_stiffness, 3 * p->ties, 1)) return "a mass or stiffness is negative";
     if (!within(p->pull, p->pulls, 0, 6 * p->ties - 1) || p->pulls > 6 * p->ties) return "a tie's coordinate is out of range";
     if (!within(p->turning_frame, p->turnings, 0, s ? s - 1 : 0)) return "a rotation is of no frame";

@@ -141,7 +141,7 @@ static int beyond_reach(Body *body, const double *inputs, const double *inputs_e
 /* Multiply-adds of a round: places and their derivatives, curvature, membrane energy, mass or joints. */
 static double round_cost(const Program *p) {
     const double m = (double)p->modes, places = 18.0 * (double)p->nodes * m, bends = 4.0 * (double)p->bends;
-    const double stretches = 2.0 * (double)p->stretches * m * m, square = p->inertial || crossed(p) ? 4.0 * m * m : 0.0;
+    const double stretches = 4.0 * (double)p->stretch_numbers, square = p->inertial || crossed(p) ? 4.0 * m * m : 0.0;
     return OVERHEAD + (p->inertial || p->turns ? 3.0 : 1.0) * (places + bends) + stretches + square;
 }
 

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.interface import fields, packed, write_image
+from ..core.interface import fields, write_image
 from ..files.basics import FloatArray, IntArray, OptionError
 from ..model.inertia import LumpedMass
 from ..model.methods import Kinematics, LoadPlacement, Mass, Recipe, Stiffness
 from ..model.reduced_body import ReducedBody
 from ..model.rotations import skew
-from .tree import Tree, bends, build_tree
+from .tree import Tree, bends, build_tree, stretches
 from .variable_table import input_names
 
 
@@ -90,9 +90,7 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
         draft.sizes["curved"] = 1
         draft.arrays |= bends(tree, 0 if lumped is None else inertial_modes(body))
     if recipe.kinematics is Kinematics.SECOND_ORDER and tree.frames and body.membrane is not None:
-        draft.arrays["stretch"] = packed(body.membrane.quadratic)
-        draft.arrays["stretch_linear"] = body.membrane.linear
-        draft.arrays["stretch_sign"] = body.membrane.sign
+        draft.arrays |= stretches(body.membrane, draft.arrays)
     if body.ties is not None and tree.frames:
         _put_ties(draft, body, tree)
     _put_inertia(draft, body, recipe, mass, tree, lumped)

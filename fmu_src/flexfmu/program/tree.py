@@ -9,13 +9,15 @@ joint and its rotation relative to the parent are
 linear in q but for the curvature, (19) and (20). The core (core/tree.c) makes places of them.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..core.interface import packed
 from ..files.basics import FloatArray, IntArray, OptionError
-from ..model.inertia import LumpedMass
+from ..model.inertia import LumpedMass, Membrane
 from ..model.methods import Kinematics
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.rotations import relative_curvature, skew
@@ -25,6 +27,8 @@ _TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}
 # Share of the largest below which a direction bends nothing but by round-off, and of all coordinates up to which those
 # of a part are worth turning to.
 _NO_BEND, _WORTH = 1e-13, 0.75
+# Share of a stretch outside the coordinates that bend a part below which it is theirs.
+_OUTSIDE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,4 +228,40 @@ def bends(tree: Tree, inertial: int) -> dict[str, FloatArray | IntArray]:
         "basis": np.concatenate([basis.ravel() for basis in bases] or [np.zeros(0)]),
         "part": part,
         "extent": np.array([len(basis) for basis in bases] or [modes]),
+    }
+
+
+def stretches(membrane: Membrane, bent: Mapping[str, Any]) -> dict[str, FloatArray | IntArray]:
+    """Membrane energy: of a cut body's parts in the coordinates that bend them, which are far fewer than q has.
+
+    Parameters
+    ----------
+    membrane : Membrane
+    bent : mapping
+        From `bends`.
+
+    Returns
+    -------
+    dict
+        Fields of a program: stretch, stretch_rows, stretch_linear, stretch_sign.
+    """
+    quadratic, modes = membrane.quadratic, membrane.quadratic.shape[-1]
+    size, rest = np.linalg.norm(quadratic, axis=(1, 2)), np.arange(len(quadratic))
+    bases = [rows.reshape(-1, modes) for rows in np.split(bent["basis"], np.cumsum(bent["extent"] * modes)[:-1])]
+    if not bent["basis"].size:
+        bases = [np.zeros((0, modes))]
+    cores, order = [], []
+    for basis in bases:
+        left = quadratic[rest] - quadratic[rest] @ basis.T @ basis
+        own = (np.linalg.norm(left, axis=(1, 2)) <= _OUTSIDE * size[rest]) & ~membrane.linear[rest].any(axis=1)
+        own &= len(basis) <= _WORTH * modes
+        order.append(rest[own])
+        cores.append(packed(basis @ quadratic[rest[own]] @ basis.T))
+        rest = rest[~own]
+    every = np.concatenate([*order, rest])
+    return {
+        "stretch": np.concatenate([*cores, packed(quadratic[rest])]),
+        "stretch_rows": np.array([len(rows) for rows in order]),
+        "stretch_linear": membrane.linear[every],
+        "stretch_sign": membrane.sign[every],
     }
