@@ -197,7 +197,7 @@ def bends(tree: Tree, inertial: int) -> dict[str, FloatArray | IntArray]:
     Returns
     -------
     dict
-        Fields of a program: curvature, basis, part, extent.
+        Fields of a program: curvature, basis, part, extent; no membrane energy.
     """
     assert tree.curvature is not None
     curvature, modes, root = tree.curvature, tree.operator.shape[-1], tree.parent.copy()
@@ -228,6 +228,7 @@ def bends(tree: Tree, inertial: int) -> dict[str, FloatArray | IntArray]:
         "basis": np.concatenate([basis.ravel() for basis in bases] or [np.zeros(0)]),
         "part": part,
         "extent": np.array([len(basis) for basis in bases] or [modes]),
+        "stretch_rows": np.zeros(len(bases) or 1, dtype=np.int64),
     }
 
 
