@@ -248,14 +248,12 @@ def stretches(membrane: Membrane, bent: Mapping[str, Any]) -> dict[str, FloatArr
     """
     quadratic, modes = membrane.quadratic, membrane.quadratic.shape[-1]
     size, rest = np.linalg.norm(quadratic, axis=(1, 2)), np.arange(len(quadratic))
-    bases = [rows.reshape(-1, modes) for rows in np.split(bent["basis"], np.cumsum(bent["extent"] * modes)[:-1])]
-    if not bent["basis"].size:
-        bases = [np.zeros((0, modes))]
+    # Without bases q itself bends, and stretches.
+    bases = np.split(bent["basis"].reshape(-1, modes), np.cumsum(bent["extent"])[:-1])
     cores, order = [], []
     for basis in bases:
         left = quadratic[rest] - quadratic[rest] @ basis.T @ basis
         own = (np.linalg.norm(left, axis=(1, 2)) <= _OUTSIDE * size[rest]) & ~membrane.linear[rest].any(axis=1)
-        own &= len(basis) <= _WORTH * modes
         order.append(rest[own])
         cores.append(packed(basis @ quadratic[rest[own]] @ basis.T))
         rest = rest[~own]
