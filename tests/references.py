@@ -73,7 +73,9 @@ def drift(model, states, step):
 
 
 def missed_share(model, states, step):
-    """Its motion of the first interface over the body's, linear, rms; half as much more of the polynomial."""
+    """Its motion of the first interface over the body's or where rates carry that, linear, rms; twice of the polynomial."""
     rows, more = model.interface_displacement[0], 2.0 if model.mass is Mass.POLYNOMIAL else 1.0
-    off, moved = drift(model, states, step), np.array([state.q for state in states])
-    return more * np.linalg.norm(off @ rows.T) / np.linalg.norm(moved @ rows.T)
+    off = drift(model, states, step)
+    ways = np.array([(state.q, state.v / model.angular_frequency) for state in states]) @ rows.T
+    moved = np.linalg.norm(ways, axis=2).max(axis=1)
+    return more * np.linalg.norm(off @ rows.T) / np.linalg.norm(moved)
