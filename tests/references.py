@@ -73,7 +73,7 @@ def drift(model, states, step):
 
 
 def missed_share(model, states, step):
-    """Its motion of the first interface over the body's, or where rates carry that, linear, rms; twice of the polynomial."""
+    """Its motion of the first interface over the body's, or where rates carry it; linear, rms; twice of polynomials."""
     rows, more = model.interface_displacement[0], 2.0 if model.mass is Mass.POLYNOMIAL else 1.0
     off = drift(model, states, step)
     ways = np.array([(state.q, state.v / model.angular_frequency) for state in states]) @ rows.T
