@@ -26,7 +26,7 @@ from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.model.reduced_body import Ties
 from flexfmu.model.variants import missing
-from flexfmu.program.compile import compile_program
+from flexfmu.program.compile import compile_draft, compile_program
 from flexfmu.reduction.basis import supported
 from flexfmu.reduction.cut.joining import join_parts
 from flexfmu.view.mesh import model_view
@@ -574,6 +574,24 @@ def test_axle_against_the_finite_element_model_in_large_rotation(axles, case, di
 def test_the_axle_is_cut_without_being_told_where(found_cut, case, displacement):
     assert found_cut.frame_count == 6
     assert axle_errors(found_cut, case)[0] < displacement
+
+
+@pytest.mark.slow
+def test_membrane_energy_of_parts_goes_by_the_coordinates_that_bend_them(one_frame_a_part, random):
+    held, arrays = one_frame_a_part.membrane, compile_draft(one_frame_a_part, Method.SECOND_ORDER).arrays
+    assert arrays["stretch_rows"].sum() == len(held.sign)
+    assert (arrays["stretch_rows"] > 0).sum() == 2
+    assert arrays["extent"].max() < 0.75 * one_frame_a_part.mode_count
+    bodies = [
+        FlexibleBody(one, Method.SECOND_ORDER) for one in (one_frame_a_part, replace(one_frame_a_part, membrane=None))
+    ]
+    state = bodies[0].rest()
+    for _ in range(3):
+        q = random.normal(size=one_frame_a_part.mode_count) / one_frame_a_part.angular_frequency
+        whole, without = (body.energies(replace(state, q=q))[0] for body in bodies)
+        of_forms = held.sign @ (held.quadratic @ q @ q) ** 2
+        assert abs(of_forms) > 1e-6 * without
+        assert whole - without == pytest.approx(of_forms, rel=1e-6, abs=1e-12 * whole)
 
 
 @pytest.mark.long

@@ -16,9 +16,10 @@ BODIES = {make.__name__: make for make in EVERY}
 SIMPLE, QUICK = ("fork", "stocky_rod"), ("stocky_rod",)
 # Thin ones that warp or evade sideways, curved, branched, looped, soft beside stiff, of tetrahedra.
 SAMPLE = ("angle", "chain_link", "channel", "cross", "elbow", "fork", "gutter", "rubber_mount", "strip", "wishbone")
-# Of the kept record: points that are wrong while nothing is said (of the bossed strip), the share that is right, and
-# alarms without cause.
-SILENT, RIGHT_SHARE, FALSE_ALARMS = 4, 0.89, 11
+# Of the kept record: the share of points that is right, and alarms without cause. None is wrong in silence but of these
+# bodies, by so much at most: tension beside a boss on one face.
+RIGHT_SHARE, FALSE_ALARMS = 0.895, 11
+SILENT = {"bossed_strip": 0.05}
 
 
 @cache
@@ -111,8 +112,9 @@ def test_every_body_has_records_of_every_point():
 
 
 def test_no_more_points_of_the_record_are_silent_and_no_fewer_right_than_before():
-    found = summary(read_records(RECORDS))
-    assert found["silent"] + found["silent_beyond_3"] == len(silent()) <= SILENT
+    assert all(off < SILENT.get(body, 0.0) for (body, *_), off in silent().items())
+    found = summary([row for row in read_records(RECORDS) if row["body"] not in SILENT])
+    assert found["silent"] == found["silent_beyond_3"] == 0
     assert found["right"] >= RIGHT_SHARE * found["points"]
     assert found["false_alarms"] <= FALSE_ALARMS
     assert found["certified_right"] >= 0.97 * found["certified"]
