@@ -321,8 +321,9 @@ def _checked_compliance(compliance: FloatArray) -> FloatArray:
 
 def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Squared frequencies and modes of the small eigenproblem that vectors (k, j) span."""
-    masses = np.einsum("ij,ij->j", vectors, m @ vectors)
-    if not np.all(masses > 0.0):
+    masses, parts = (np.einsum("ij,ij->j", v, one @ v) for v, one in ((vectors, m), (abs(vectors), abs(m))))
+    # Of what has none round-off is left, of either sign.
+    if not np.all(masses > 1e-12 * parts):
         raise AccuracyError(
             "some modes have no mass: a C3D20R element has it at eight points alone; ask for fewer modes"
         )
