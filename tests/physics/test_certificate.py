@@ -16,6 +16,8 @@ from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.runtime import Runtime
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
+from flexfmu.program import tree
+from flexfmu.program.compile import shadow_draft
 from flexfmu.reduction.bodies import fit_interface
 from meshes import bars, box, with_sets
 from native_master.bare_fmi2 import DISCARD, OK
@@ -287,3 +289,29 @@ def test_an_interface_fixed_that_frames_do_not_hang_on_leaves_the_error_unknown(
     assert driven.get("diagnostics.error", "root.error.displacement") == [-1.0, -1.0]
     driven = Driven(free, tmp_path, **{"method": "linear", "root.fixed": True})
     assert driven.get("diagnostics.error", "tip.error.displacement") == [0.0, 0.0]
+
+
+def test_parts_of_a_cut_bodys_shadow_bend_by_their_own_coordinates(monkeypatch):
+    """Round-off of single precision is no direction; with all directions errors are the same to that precision."""
+    mesh = bars(ElementType.C3D20, [((0, 0, 0), (0, 0, 5)), ((1, 0, 5), (6, 0, 5)), ((6, 0, 0), (6, 0, 4))], 0.02)
+    x, _, z = mesh.points.T
+    feet = [Support(np.flatnonzero((z == 0.0) & side)) for side in (x < 0.07, x > 0.07)]
+    tip = np.flatnonzero((z > 0.119) & (x < 0.021))
+    body = Body(mesh, supports=feet, interfaces={"corner": tip}, name="portal", tables={"cut": "auto"})
+    model = body.build(surface=False, modes=4, frames=2)
+    arrays, shadow = shadow_draft(model.reduced).arrays, model.reduced.shadow.body
+    assert arrays["extent"].max() < 0.75 * shadow.mode_count
+    assert arrays["stretch_rows"].sum() == len(shadow.membrane.sign)
+    loads = {"corner": (2e5, 2e4, 0.0)}
+
+    def errors():
+        linear = FlexibleBody(model.reduced, "linear")
+        each = [one.error(one.static(loads), loads) for one in (model, linear)]
+        return [[e.relative, e.bound] for e in each]
+
+    found = errors()
+    monkeypatch.setattr(tree, "_NO_BEND", (0.0, 0.0))
+    model, exact = FlexibleBody(model.reduced), errors()
+    assert exact[0][0] > 1e-5
+    assert exact[1][0] > 1e-2
+    np.testing.assert_allclose(found, exact, rtol=1e-5, atol=1e-9)

@@ -80,6 +80,11 @@ ARRAYS = _table()
 """By what they are of: an attribute of `ReducedBody`, "body" or "stress"."""
 
 
+def is_single(values: NDArray[Any]) -> bool:
+    """Whether numbers are rounded to single precision."""
+    return np.array_equal(values, values.astype(np.float32))
+
+
 def in_single(holder: Any) -> Any:
     """A data class of arrays, or None, with its numbers rounded to single precision."""
     rounded = {f.name: getattr(holder, f.name).astype(np.float32) for f in fields(holder)} if holder else {}

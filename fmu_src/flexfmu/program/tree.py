@@ -17,6 +17,7 @@ import numpy as np
 
 from ..core.interface import packed
 from ..files.basics import FloatArray, IntArray, OptionError
+from ..model.arrays import is_single
 from ..model.inertia import LumpedMass, Membrane
 from ..model.methods import Kinematics
 from ..model.reduced_body import GROUND, ReducedBody
@@ -24,11 +25,11 @@ from ..model.rotations import relative_curvature, skew
 
 # Share of the averaged rotation by which displacements turn where positions do not.
 _TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}
-# Share of the largest below which a direction bends nothing but by round-off, and of all coordinates up to which those
-# of a part are worth turning to.
-_NO_BEND, _WORTH = 1e-13, 0.75
-# Share of a stretch outside the coordinates that bend a part below which it is theirs.
-_OUTSIDE = 1e-9
+# Shares for numbers of double and of single precision: of the largest, below which a direction bends nothing but by
+# round-off; of a stretch outside the coordinates that bend a part, below which it is theirs.
+_NO_BEND, _OUTSIDE = (1e-13, 1e-5), (1e-9, 1e-5)
+# Share of all coordinates up to which those of a part are worth turning to.
+_WORTH = 0.75
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +50,8 @@ class Tree:
         Second derivatives of b_k and φ_k, in the order of `operator`.
     lumps : (P,) int
         Nodes that are lumps.
+    no_bend : float
+        Share of the largest curvature below which it is round-off.
     """
 
     parent: IntArray
@@ -59,6 +62,7 @@ class Tree:
     operator: FloatArray
     curvature: FloatArray | None
     lumps: IntArray
+    no_bend: float
 
 
 def build_tree(body: ReducedBody, kinematics: Kinematics, inertia: LumpedMass | None = None) -> Tree:
@@ -98,11 +102,12 @@ def build_tree(body: ReducedBody, kinematics: Kinematics, inertia: LumpedMass | 
     else:
         d[hung] -= u[p] - skew(offset[hung]) @ theta[p]
         c[hung] -= theta[p]
-    curvature = None
+    curvature, no_bend = None, _NO_BEND[0]
     if kinematics is Kinematics.SECOND_ORDER and frames:
         curvature = _curvature(body, inertia, on, offset, d, u, theta)
         curvature.reshape(2, len(on), 3, *curvature.shape[1:])[1, lumps] = 0.0
-    return Tree(on, frames, x, offset, base, np.stack([d, c]), curvature, lumps)
+        no_bend = _NO_BEND[body.second is not None and is_single(body.second.displacement)]
+    return Tree(on, frames, x, offset, base, np.stack([d, c]), curvature, lumps, no_bend)
 
 
 def _nodes(
@@ -177,14 +182,8 @@ def _curvature(
         d[0], c[0] = 0.0, 0.0
     hung = np.flatnonzero(parent >= 0)
     p = parent[hung]
-    d[hung], c[hung] = relative_curvature(
-        displacement[hung] - displacement[p],
-        np.stack([turned[hung], turned[p]]),
-        turn[p],
-        turn[hung],
-        offset[hung],
-        change[hung],
-    )
+    bent, ends = displacement[hung] - displacement[p], np.stack([turned[hung], turned[p]])
+    d[hung], c[hung] = relative_curvature(bent, ends, turn[p], turn[hung], offset[hung], change[hung])
     return np.concatenate([d.reshape(-1, *d.shape[2:]), c.reshape(-1, *c.shape[2:])])
 
 
@@ -217,7 +216,7 @@ def bends(tree: Tree, inertial: int) -> dict[str, FloatArray | IntArray]:
             continue
         scaled = curvature[rows] / size[rows, None, None]
         _, strength, directions = np.linalg.svd(scaled.reshape(-1, modes), full_matrices=False)
-        basis = directions[strength > _NO_BEND * strength[0]]
+        basis = directions[strength > tree.no_bend * strength[0]]
         bases.append(basis if len(basis) <= _WORTH * modes else np.eye(modes))
     if all(len(basis) == modes for basis in bases):
         part, bases = np.where(size > 0.0, 0, -1), []
@@ -248,12 +247,13 @@ def stretches(membrane: Membrane, bent: Mapping[str, Any]) -> dict[str, FloatArr
     """
     quadratic, modes = membrane.quadratic, membrane.quadratic.shape[-1]
     size, rest = np.linalg.norm(quadratic, axis=(1, 2)), np.arange(len(quadratic))
+    outside = _OUTSIDE[is_single(quadratic)]
     # Without bases q itself bends, and stretches.
     bases = np.split(bent["basis"].reshape(-1, modes), np.cumsum(bent["extent"])[:-1])
     cores, order = [], []
     for basis in bases:
         left = quadratic[rest] - quadratic[rest] @ basis.T @ basis
-        own = (np.linalg.norm(left, axis=(1, 2)) <= _OUTSIDE * size[rest]) & ~membrane.linear[rest].any(axis=1)
+        own = (np.linalg.norm(left, axis=(1, 2)) <= outside * size[rest]) & ~membrane.linear[rest].any(axis=1)
         order.append(rest[own])
         cores.append(packed(basis @ quadratic[rest[own]] @ basis.T))
         rest = rest[~own]
