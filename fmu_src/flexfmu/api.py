@@ -95,10 +95,8 @@ class Body:
         tables: Mapping[str, Any] | None = None,
     ):
         if isinstance(supports, str) or not isinstance(interfaces or {}, Mapping):
-            raise BodyFileError(
-                f'supports are {supports!r} and interfaces {interfaces!r}, expected a list such as ["CLAMP"] and a '
-                'mapping such as {"tip": "FLANGE"}'
-            )
+            found = f"supports are {supports!r} and interfaces {interfaces!r}"
+            raise BodyFileError(f'{found}, expected a list such as ["CLAMP"] and a mapping such as {{"tip": "FLANGE"}}')
         system = unit_system(units)
         choices = NodeChoices(as_mesh(mesh, system), system)
         data: dict[str, Any] = {

@@ -86,10 +86,8 @@ class BodySpec(Table):
         if self.root is not None and not self.free:
             raise ValueError("root names the interface from which a free body is divided: it needs free = true")
         if self.free and "by_load" in (self.reduction.geometric_stiffness or ()):
-            raise ValueError(
-                'geometric_stiffness "by_load" needs the stress of each load by itself, and a free body has none: what '
-                "balances the load is not known before; take it out"
-            )
+            found = 'geometric_stiffness "by_load" needs the stress of each load by itself, and a free body has none'
+            raise ValueError(f"{found}: what balances the load is not known before; take it out")
         reason = conflict(self.variant, self.free, bool(self.cut))
         if reason is not None:
             raise ValueError(reason)
@@ -258,14 +256,10 @@ class BodySpec(Table):
         variant = self.variant
         for data in sorted(needs(variant.method, variant.mass) - self.stored, key=lambda one: one.value):
             words = variant.words if data is Data.INERTIA else variant.method.value
-            raise ValueError(
-                f'method "{words}" needs {ASKED_BY[data]}, and [reduction] says otherwise: take that key out'
-            )
+            raise ValueError(f'method "{words}" needs {ASKED_BY[data]}, but [reduction] denies it: take that key out')
         if has_frames(variant.method) and self.frames == 0 and not self.free:
-            raise ValueError(
-                f'method "{variant.method.value}" needs frames, and frames is 0: take frames = 1 or more, or method '
-                '"linear"'
-            )
+            found = f'method "{variant.method.value}" needs frames, and frames is 0'
+            raise ValueError(f'{found}: take frames = 1 or more, or method "linear"')
 
     def residual_columns(self) -> list[int]:
         """Places of the loads whose residual flexibility is listed, among forces of all interfaces, then moments."""
@@ -360,9 +354,8 @@ def plain_tables(kind: type[Any], given: Sequence[Table], length: float = 1.0) -
     for one in given:
         values = {field.name: getattr(one, field.name) for field in fields(kind)}
         units = {name: length if OF_MESH in type(one).model_fields[name].metadata else 1.0 for name in values}
-        found.append(
-            kind(**{name: _plain(value, length, units[name]) for name, value in values.items() if value is not None})
-        )
+        plain = {name: _plain(value, length, units[name]) for name, value in values.items() if value is not None}
+        found.append(kind(**plain))
     return tuple(found)
 
 

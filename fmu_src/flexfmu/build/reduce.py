@@ -238,10 +238,8 @@ def _tell(config: BodySpec, body: ReducedBody, report: Reporter) -> None:
     """Say what the model is and why, how the body swings, and what pictures of it take."""
     first = float(body.damping_ratio[body.rigid_count])
     if first > _HEAVY_DAMPING:
-        report.warning(
-            f"damping.ratio = {first:g} of the first mode: it hardly swings; the ratio is a share of critical damping, "
-            "1 % is 0.01"
-        )
+        found = f"damping.ratio = {first:g} of the first mode: it hardly swings"
+        report.warning(f"{found}; the ratio is a share of critical damping, 1 % is 0.01")
     asked = config.formulation.method is not None, config.frames is not None or config.frame or config.branch
     said, divided = ("body file" if one else "default" for one in asked)
     report.note(

@@ -198,7 +198,7 @@ class SupportTable(Table):
             for axis, value in zip(("x", "y", "z"), values or (), strict=False):
                 if axis in self.fix and value > 0.0:
                     raise ValueError(
-                        f"both fixes {axis} and puts a {kind.format(value)} along it, expected one of them"
+                        f"both fixes {axis} and puts a {kind.format(value)} along it, expected one of both"
                     )
         return self
 
@@ -377,9 +377,8 @@ class DampingTable(Table):
         if self.measured and self.ratio != 0.0:
             raise ValueError("gives ratio and measured, expected one of the two")
         if any(b <= a for a, b in pairwise([0.0, *frequencies])) or any(not 0.0 <= one <= 1.0 for one in ratios):
-            raise ValueError(
-                f"measured is {self.measured}, expected [frequency in Hz, ratio 0 to 1], frequencies ascending"
-            )
+            expected = "[frequency in Hz, ratio 0 to 1], frequencies ascending"
+            raise ValueError(f"measured is {self.measured}, expected {expected}")
         return self
 
     @field_validator("ratio")
@@ -389,10 +388,8 @@ class DampingTable(Table):
             if ratio < 0.0:
                 raise ValueError(f"a damping ratio is negative, {ratio:g}, expected ≥ 0")
             if ratio > 1.0:
-                raise ValueError(
-                    f"a damping ratio is {ratio:g}, expected at most 1, which is critical damping; {ratio:g} % is "
-                    f"{ratio / 100.0:g}"
-                )
+                found = f"a damping ratio is {ratio:g}, expected at most 1, which is critical damping"
+                raise ValueError(f"{found}; {ratio:g} % is {ratio / 100.0:g}")
         return value
 
 

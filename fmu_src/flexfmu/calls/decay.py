@@ -84,10 +84,8 @@ def decay(file: str | Path, column: str = "") -> Decay:
     time, motion = table[:, 0], table[:, 1 + (names.index(column) if column else 0)]
     step = float(np.ptp(time)) / max(time.size - 1, 1)
     if time.size < _FEWEST or np.abs(np.diff(time) - step).max() > _UNEVEN * step:
-        raise SimulationError(
-            f"{file}: {time.size} rows, {np.diff(time).min(initial=np.inf):g} s apart or more, expected "
-            f"{_FEWEST} or more at equal steps"
-        )
+        fault = f"{file}: {time.size} rows, {np.diff(time).min(initial=np.inf):g} s apart or more"
+        raise SimulationError(f"{fault}, expected {_FEWEST} or more at equal steps")
     found = _parts(motion - motion[-motion.size // 4 :].mean(), step)
     if not found.frequency.size:
         raise SimulationError(f"{file}: nothing in it vibrates and dies away; give a free decay, from where it begins")

@@ -59,9 +59,7 @@ def data(body: ReducedBody) -> dict[str, object]:
         "methods": [variant.words for variant in offered_variants(body)],
         "properties": body.properties,
         "missed_by_basis": missed_loads(body),
-        "modes": [
-            {"name": name, "frequency": omega / (2 * math.pi), "damping_ratio": ratio} for name, omega, ratio in modes
-        ],
+        "modes": [{"name": n, "frequency": omega / (2 * math.pi), "damping_ratio": ratio} for n, omega, ratio in modes],
         "interfaces": [
             {"name": name, "point": place, "frame": frame}
             for name, place, frame in zip(body.interface_names, body.interface_point.tolist(), carriers, strict=True)

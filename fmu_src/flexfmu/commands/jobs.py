@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 
 Json = Annotated[bool, typer.Option("--json", help="Write the result as JSON.")]
+Parameters = Annotated[
+    list[str] | None, typer.Option("--set", help="A parameter of the FMU, NAME=VALUE; may be repeated.")
+]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", help="Processes that measure errors; -1: one a core.")]
 
 
@@ -49,9 +52,7 @@ def build(
         str, typer.Option(help="Where it runs: all, or some of linux64,win64,darwin64,aarch64-linux; default: here.")
     ] = "",
     fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of FMI.")] = 2,
-    tolerance: Annotated[
-        str, typer.Option(help="Build the plainest model with an error below this, such as 0.5%.")
-    ] = "",
+    tolerance: Annotated[str, typer.Option(help="Build the plainest model with less error, such as 0.5%.")] = "",
     scene: Annotated[
         Path | None, typer.Option("--scene", "-s", help="Loads at which --tolerance counts; default: reference loads.")
     ] = None,
@@ -77,9 +78,8 @@ def build(
     show_written(target)
     if not tolerance:
         return
-    typer.echo(
-        f"{plural(built.frame_count, 'frame')}, {plural(built.mode_count, 'mode')}: {times(share)} × the tolerance"
-    )
+    size = f"{plural(built.frame_count, 'frame')}, {plural(built.mode_count, 'mode')}"
+    typer.echo(f"{size}: {times(share)} × the tolerance")
     if share > 1.0:
         raise typer.Exit(NOT_MET)
 
@@ -115,9 +115,7 @@ def pack(
 
 def info(
     file: Annotated[Path, typer.Argument(help="FMU or modal file.")],
-    cost: Annotated[
-        bool, typer.Option("--cost", help="Time a step of every method that the body has data for.")
-    ] = False,
+    cost: Annotated[bool, typer.Option("--cost", help="Time a step of each method that it has data for.")] = False,
     as_json: Json = False,
 ) -> None:
     """Show what is in an FMU or a modal file: modes, interfaces, tree of frames, origin."""
@@ -153,9 +151,7 @@ def simulate(
     step: Annotated[float | None, typer.Option(help="Communication step, s; default: the FMU's own.")] = None,
     stop: Annotated[float | None, typer.Option(help="End, s; default: the last time in the input.")] = None,
     static_start: Annotated[bool, typer.Option(help="Start in equilibrium under the first loads.")] = False,
-    parameter: Annotated[
-        list[str] | None, typer.Option("--set", help="A parameter, NAME=VALUE; may come again.")
-    ] = None,
+    parameter: Parameters = None,
     plot: Annotated[Path | None, typer.Option(help="Draw displacements and rotations (PNG, PDF or SVG).")] = None,
     shape: Annotated[
         Path | None, typer.Option("--view", help="Show the body as it moves (.html, .pvd, .png; see `flexfmu view`).")
@@ -206,9 +202,7 @@ def view(
         float, typer.Option(min=0.0, help="Factor on displacements; default: 1 where they show, else a larger one.")
     ] = 0.0,
     method: Annotated[str | None, typer.Option(help="Method; default: the body's own.")] = None,
-    parameter: Annotated[
-        list[str] | None, typer.Option("--set", help="Parameter of the FMU, NAME=VALUE; may be repeated.")
-    ] = None,
+    parameter: Parameters = None,
     shapes: Annotated[int, typer.Option(min=2, help="Most shapes of a motion.")] = 100,
     live: Annotated[Path | None, typer.Option(help="Page (.html) whose body answers to the pointer.")] = None,
 ) -> None:
@@ -250,15 +244,10 @@ def chart(
     records: Annotated[
         list[Path],
         typer.Option(
-            "--records",
-            "-r",
-            help="Records (CSV), one row a model; what is in them is not run again. Given more than once, the others "
-            "are drawn beside the first.",
+            "--records", "-r", help="Records (CSV), a row a model; none is run again, more files are drawn beside."
         ),
     ],
-    body: Annotated[
-        Path | None, typer.Argument(help="Body file (TOML); without it the records alone are drawn.")
-    ] = None,
+    body: Annotated[Path | None, typer.Argument(help="Body file (TOML); default: the records alone are drawn.")] = None,
     scene: Annotated[Path | None, typer.Option("--scene", "-s", help="Scene file (TOML): loads, tolerance.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to draw (PNG, PDF or SVG).")] = None,
     page: Annotated[Path | None, typer.Option(help="Page to look into (HTML).")] = None,
@@ -328,9 +317,7 @@ def fit(
     scene: Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): loads, tolerance.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Body file to write (TOML).")],
     fmu: Annotated[Path | None, typer.Option(help="FMU to write; default: beside the body file.")] = None,
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Compare the result with the whole finite element model.")
-    ] = False,
+    verify: Annotated[bool, typer.Option("--verify", help="Compare it with the whole finite element model.")] = False,
     jobs: Jobs = 1,
     as_json: Json = False,
 ) -> None:

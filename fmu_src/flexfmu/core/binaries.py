@@ -48,10 +48,8 @@ def web_core() -> bytes:
     """The core as WebAssembly, for pages; PackagingError where C files have changed since."""
     core = WEB_CORE.read_bytes()
     if source_hash().encode() not in core:
-        raise PackagingError(
-            f"{WEB_CORE} was compiled from other C files than these; renew it: pip install ziglang (some 400 MB), "
-            f"python {WEB_CORE.with_name('building.py')}"
-        )
+        found = f"{WEB_CORE} was compiled from other C files than these; renew it"
+        raise PackagingError(f"{found}: pip install ziglang (some 400 MB), python {WEB_CORE.with_name('building.py')}")
     return core
 
 
@@ -70,10 +68,8 @@ def _core_for(name: str, report: Reporter) -> Path:
         return made
     zig = zig_compiler()
     if zig is None and name == this_platform():
-        report.warning(
-            f"the core for {name} is the one compiled for this machine; older systems may refuse it: "
-            "pip install ziglang for one that runs with glibc 2.17"
-        )
+        found = f"the core for {name} is the one compiled for this machine"
+        report.warning(f"{found}; older systems may refuse it: pip install ziglang for one that runs with glibc 2.17")
         return library_path()
     if zig is None:
         raise PackagingError(

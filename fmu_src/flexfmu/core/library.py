@@ -162,10 +162,8 @@ def library_path() -> Path:
     for path in (Path(__file__).with_name(f"_flexcore{ending}"), SHIPPED / f"{this_platform()}{ending}"):
         if path.is_file():
             return path
-    raise OptionError(
-        f"no core for this machine in {Path(__file__).parent}: install flexfmu anew, with a C compiler at hand or "
-        "from a wheel"
-    )
+    found = f"no core for this machine in {Path(__file__).parent}"
+    raise OptionError(f"{found}: install flexfmu anew, with a C compiler at hand or from a wheel")
 
 
 @cache
@@ -185,9 +183,8 @@ def library() -> ctypes.CDLL:
     declared = hasattr(found, "fmi2FlexfmuCall") and declare(found)
     # A call by another layout of its structures could do anything.
     if sources() and (not declared or found.core_sources() != source_hash().encode()):
-        raise OptionError(
-            f"{path} was compiled from other C files than those beside it; install again (pip install -e . in a clone)"
-        )
+        fault = f"{path} was compiled from other C files than those beside it"
+        raise OptionError(f"{fault}; install again (pip install -e . in a clone)")
     return found
 
 
@@ -227,9 +224,9 @@ class Core:
         if self._ask("options", damping_scale, _Limits(limits.longest, limits.tolerance, limits.most)):
             raise OptionError("an option is out of range")
         program = read_image(image)
-        self.modes, self.nodes, self.frames, self.interfaces, self.loads = (
-            program.sizes[name] for name in ("modes", "nodes", "frames", "interfaces", "loads")
-        )
+        sizes = program.sizes
+        self.modes, self.nodes, self.frames = sizes["modes"], sizes["nodes"], sizes["frames"]
+        self.interfaces, self.loads = sizes["interfaces"], sizes["loads"]
         self._sizes = {_Coordinates: self.modes, _Inputs: self.loads}
         self.turning_frame = program.arrays["turning_frame"].astype(np.int64)
 

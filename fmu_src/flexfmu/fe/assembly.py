@@ -127,9 +127,8 @@ def unknowns(
     free = np.flatnonzero(~known)
     itself = np.zeros(held.size)
     itself[free] = 1.0
-    spread = sp.csr_array(
-        (np.ones(dependent.size), (dependent, np.arange(dependent.size))), (held.size, dependent.size)
-    )
+    place = dependent, np.arange(dependent.size)
+    spread = sp.csr_array((np.ones(dependent.size), place), (held.size, dependent.size))
     inner = sp.csr_array((sp.diags_array(itself) + spread @ matrix).tocsc()[:, free])
     transform = inner if means is None else sp.csr_array(means @ inner)
     return Unknowns(free, held.size, transform, inner, means)

@@ -256,10 +256,8 @@ class Factorisation:
                 _check_fill(matrix, node, self._order, tell)
             self._solve, self.positive_definite = _by_superlu(permuted)
         except RuntimeError as error:
-            raise ModelError(
-                f"the stiffness matrix is singular ({error}): a part of the body is free to move; check supports and "
-                "that all parts share nodes"
-            ) from error
+            found = f"the stiffness matrix is singular ({error}): a part of the body is free to move"
+            raise ModelError(f"{found}; check supports and that all parts share nodes") from error
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Solve for one or several right-hand sides.

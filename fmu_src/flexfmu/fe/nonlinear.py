@@ -192,10 +192,8 @@ def load_path(
                 kept.clear()
                 increment = 0.5 * (target - reached)
                 if increment < _SMALLEST:
-                    raise AccuracyError(
-                        f"no equilibrium of the finite element model beyond {100.0 * reached:.2f} % of the load: it is "
-                        "near a limit or critical load; lower the load"
-                    )
+                    fault = f"no equilibrium of the finite element model beyond {100.0 * reached:.2f} % of the load"
+                    raise AccuracyError(f"{fault}: it is near a limit or critical load; lower the load")
                 continue
             u, reached = solution, target
             report.note(f"{100.0 * reached:.4g} % of the load after {used} iterations")

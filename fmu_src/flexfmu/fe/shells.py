@@ -256,9 +256,8 @@ def _law(
     softened = _softening(corners) if kind is ElementType.S3 else np.ones(len(corners))
     law = np.zeros((len(corners), count, count))
     own, mixed = np.zeros((len(corners), 4, 4)), np.zeros((len(corners), 4, count))
-    exact = (
-        [Places(kind, corners, strains, one) for one in (kind.mass, brick_rule(2))] if kind is ElementType.S8 else []
-    )
+    rules = (kind.mass, brick_rule(2)) if kind is ElementType.S8 else ()
+    exact = [Places(kind, corners, strains, one) for one in rules]
     mean = _patched(*exact) if exact else {}
 
     def patched(q: int) -> FloatArray:

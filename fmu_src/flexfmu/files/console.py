@@ -51,12 +51,11 @@ class ConsoleReporter(Reporter):
         self._clock = clock
         self._quiet, self._strict, self._verbose = quiet, strict, verbose
         self.warnings = 0
+        title = Column(no_wrap=True, max_width=max(20, self._console.width - _ROOM))
         # One display for all stages that are open at a time.
         self._lines = Progress(
             SpinnerColumn(),
-            TextColumn(
-                "{task.description}", table_column=Column(no_wrap=True, max_width=max(20, self._console.width - _ROOM))
-            ),
+            TextColumn("{task.description}", table_column=title),
             _Bar(bar_width=_BAR),
             TextColumn("[dim]{task.fields[words]}[/]"),
             console=self._console,

@@ -267,9 +267,8 @@ def whole_file(path: Path) -> Iterator[Path]:
         The file cannot be written.
     """
     try:
-        with tempfile.TemporaryDirectory(
-            prefix=f".{path.name}.", dir=path.parent, ignore_cleanup_errors=True
-        ) as folder:
+        beside = tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent, ignore_cleanup_errors=True)
+        with beside as folder:
             part = Path(folder) / path.name
             yield part
             part.replace(path)
@@ -288,9 +287,8 @@ def page_text(package: str | None, title: str, content: object, *scripts: str) -
 
     # Nothing in the data may end the script.
     text = json.dumps(_plain(content), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
-    template, *more = (
-        files(package or "").joinpath(name).read_text(encoding="utf-8") for name in ("page.html", *scripts)
-    )
+    folder = files(package or "")
+    template, *more = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("page.html", *scripts))
     return template.replace("@LIVE@", "".join(more)).replace("@TITLE@", escape(title)).replace("@DATA@", text)
 
 

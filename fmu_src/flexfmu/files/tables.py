@@ -234,9 +234,8 @@ def read_table(path: Path, first: str = "time") -> tuple[list[str], FloatArray]:
     try:
         # Spreadsheets put a byte-order mark in front.
         with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = [
-                (reader.line_num, row) for reader in [csv.reader(file)] for row in reader if row and row[0][:1] != "#"
-            ]
+            reader = csv.reader(file)
+            lines = [(reader.line_num, row) for row in reader if row and row[0][:1] != "#"]
     except (OSError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: cannot be read ({error})") from error
     try:
@@ -249,10 +248,8 @@ def read_table(path: Path, first: str = "time") -> tuple[list[str], FloatArray]:
         raise SimulationError(f"{path}: a header and nothing else, expected at least one row of numbers")
     names = [name for name, _ in columns[1:]]
     if "" in names:
-        raise SimulationError(
-            f'{path}: column {names.index("") + 2} of the header has no name, expected "{first},NAME,…"; take out '
-            "commas at the ends of lines"
-        )
+        fault = f'column {names.index("") + 2} of the header has no name, expected "{first},NAME,…"'
+        raise SimulationError(f"{path}: {fault}; take out commas at the ends of lines")
     for name in names:
         if names.count(name) > 1 or name == first:
             raise SimulationError(f"{path}: two columns are called {name!r}, expected each name once")
@@ -261,30 +258,23 @@ def read_table(path: Path, first: str = "time") -> tuple[list[str], FloatArray]:
 
 def _rows(path: Path, lines: list[tuple[int, list[str]]], columns: list[tuple[str, float]]) -> FloatArray:
     """Numbers of the lines below the header, in SI units; columns are names and factors."""
-    values = np.empty((len(lines) - 1, len(columns)))
+    values, header = np.empty((len(lines) - 1, len(columns))), [cell.strip() for cell in lines[0][1]]
     for k, (line, row) in enumerate(lines[1:]):
-        if len(row) != values.shape[1]:
-            raise SimulationError(
-                f"{path}, line {line}: {len(row)} columns, the header has {values.shape[1]}; expected commas between "
-                "columns only, and decimal points"
-            )
+        place = f"{path}, line {line}"
+        if len(row) != len(header):
+            found = f"{len(row)} columns, the header has {len(header)}"
+            raise SimulationError(f"{place}: {found}; expected commas between columns only, and decimal points")
         try:
             values[k] = [factor * float(cell) for cell, (_, factor) in zip(row, columns, strict=True)]
         except ValueError as error:
             wrong = next(k for k, cell in enumerate(row) if number(cell) is None)
-            raise SimulationError(
-                f"{path}, line {line}: {lines[0][1][wrong].strip()} is {row[wrong]!r}; expected numbers, units in the "
-                "header"
-            ) from error
+            found = f"{header[wrong]} is {row[wrong]!r}"
+            raise SimulationError(f"{place}: {found}; expected numbers, units in the header") from error
         if not np.all(np.isfinite(values[k])):
             worst = int(np.argmin(np.isfinite(values[k])))
-            raise SimulationError(
-                f"{path}, line {line}: {lines[0][1][worst].strip()} is {row[worst].strip()}, expected a finite number"
-            )
+            raise SimulationError(f"{place}: {header[worst]} is {row[worst].strip()}, expected a finite number")
         if k and values[k, 0] < values[k - 1, 0]:
-            raise SimulationError(
-                f"{path}, line {line}: {columns[0][0]} goes back from {values[k - 1, 0]} to {values[k, 0]}"
-            )
+            raise SimulationError(f"{place}: {columns[0][0]} goes back from {values[k - 1, 0]} to {values[k, 0]}")
     return values
 
 

@@ -19,9 +19,8 @@ _OK, _WARNING, _DISCARD, _ERROR = 0, 1, 2, 3
 _CO_SIMULATION = 1
 WORDS = logging.getLogger("flexfmu.fmu")
 """Warns where the master has FMI's logging off, and pythonfmu's library says nothing."""
-_LOGGER = ctypes.CFUNCTYPE(
-    None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p, use_errno=False
-)
+_TEXT = ctypes.c_char_p
+_LOGGER = ctypes.CFUNCTYPE(None, ctypes.c_void_p, _TEXT, ctypes.c_int, _TEXT, _TEXT, use_errno=False)
 
 
 class _Callbacks(ctypes.Structure):
@@ -118,9 +117,8 @@ class BodySlave:
         """Hand on start and stop."""
         stop, bound = stop_time or 0.0, tolerance or 0.0
         real = ctypes.c_double
-        self._call(
-            "fmi2SetupExperiment", int(bound > 0.0), real(bound), real(start_time), int(stop > start_time), real(stop)
-        )
+        span = real(start_time), int(stop > start_time), real(stop)
+        self._call("fmi2SetupExperiment", int(bound > 0.0), real(bound), *span)
 
     def enter_initialization_mode(self) -> None:
         """Begin the initialisation."""

@@ -65,9 +65,8 @@ def read_packaged_body(path: Path) -> ReducedBody:
         raise ModalFileError(f"{path}: {error}") from error
     packed, mixed = guid_of(program), "files of two FMUs are mixed; unpack the FMU again, or build it again"
     if not packed:
-        raise ContentsError(
-            f"{path}: its programs were built by another version of flexfmu, or are damaged; build it again"
-        )
+        other = "its programs were built by another version of flexfmu, or are damaged"
+        raise ContentsError(f"{path}: {other}; build it again")
     if guid != packed:
         raise ContentsError(f"{path}: {DESCRIPTION} has the guid {guid}, its programs are of {packed}: {mixed}")
     if guid.strip("{}")[:8] != modal_mark(data):

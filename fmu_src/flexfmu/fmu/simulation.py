@@ -145,11 +145,10 @@ class _Run:
                 # Of FMUs that would try a refused step again and again.
                 return not (pressed() or self.refusals)
 
-            options = {"output": self._outputs, "logger": self.log, "debug_logging": True}
+            heard = {"step_finished": step_finished, "logger": self.log, "debug_logging": True}
+            options = {"output": self._outputs, **heard}
             try:
-                result: NDArray[np.void] = fmpy.simulate_fmu(
-                    str(self._fmu), step_finished=step_finished, **span, **options, **given
-                )
+                result: NDArray[np.void] = fmpy.simulate_fmu(str(self._fmu), **span, **options, **given)
             except Exception as error:  # fmpy's FMICallException and what its loader raises
                 raise self.stopped("; ".join(self.refusals) or str(error)) from error
             # fmpy ends a run quietly where the FMU discards a step.
@@ -185,10 +184,8 @@ def _span(
             "(--stop, --step; without them the table's last time and the FMU's own step)"
         )
     if step is not None and interval > end - start:
-        raise SimulationError(
-            f"--step is {step:g} s, longer than the run from {start:g} s to {end:g} s: expected a shorter step; "
-            f"the FMU's own is {float(description.defaultExperiment.stepSize):g} s"
-        )
+        found = f"--step is {step:g} s, longer than the run from {start:g} s to {end:g} s: expected a shorter step"
+        raise SimulationError(f"{found}; the FMU's own is {float(description.defaultExperiment.stepSize):g} s")
     return start, end, interval
 
 

@@ -116,9 +116,8 @@ def _read(path: Path, title: str) -> Any:
         return scipy.io.mmread(path)
     # SciPy's reader raises whatever the text leads it to.
     except Exception as error:
-        raise MatrixError(
-            f"{path} cannot be read as a Matrix Market file, nor as text with *MATRIX, TYPE={title.upper()} ({error})"
-        ) from error
+        expected = f"a Matrix Market file, nor as text with *MATRIX, TYPE={title.upper()}"
+        raise MatrixError(f"{path} cannot be read as {expected} ({error})") from error
 
 
 def _lower_triangle(texts: Mapping[str, str], title: str) -> FloatArray:

@@ -90,10 +90,8 @@ class GivenModes:
             *((f"cells {k!r}", v) for k, v in cells.items()),
         ]:
             if rows.size and not 0 <= rows.min() <= rows.max() < count:
-                raise GivenModesError(
-                    f"{title} has rows {rows.min()} to {rows.max()}, expected 0 to {count - 1}: rows of nodes, counted "
-                    "from zero, not the other program's numbers"
-                )
+                found = f"{title} has rows {rows.min()} to {rows.max()}, expected 0 to {count - 1}"
+                raise GivenModesError(f"{found}: rows of nodes, counted from zero, not the other program's numbers")
         damping = None if self.damping is None else np.asarray(self.damping, dtype=float)
         if damping is not None:
             _expect("damping", damping, (number,))
@@ -385,18 +383,14 @@ def checked_modes(given: GivenModes) -> tuple[GivenModes, tuple[str, ...], tuple
     rigid = _rigid_count(frequency)
     if rigid:
         if rigid != 6 or given.held.size:
-            raise GivenModesError(
-                f"{rigid} modes below {_RIGID_FREQUENCY:g} of the next frequency are rigid motions, expected 6 of a "
-                "body that nothing holds, or none"
-            )
+            found = f"{rigid} modes below {_RIGID_FREQUENCY:g} of the next frequency are rigid motions"
+            raise GivenModesError(f"{found}, expected 6 of a body that nothing holds, or none")
         exact = rigid_motions(given)
         wrong = shapes[:, :6] - exact @ (exact.T @ given.momentum(shapes[:, :6]))
         part = float(np.sqrt(np.abs(np.diagonal(wrong.T @ given.momentum(wrong))).max()))
         if part > _NOT_RIGID:
-            raise GivenModesError(
-                f"the first 6 modes have almost no frequency and are no rigid motions ({part:.2g} of them is not): the "
-                "body is a mechanism, or modes and nodes are in different axes"
-            )
+            found = f"the first 6 modes have almost no frequency and are no rigid motions ({part:.2g} of them is not)"
+            raise GivenModesError(f"{found}: the body is a mechanism, or modes and nodes are in different axes")
         shapes = np.hstack([exact, shapes[:, 6:]])
         frequency[:6] = 0.0
     elif not given.held.size:

@@ -214,10 +214,8 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
         masses=_masses(given, subdomains, shapes, mesh, rows) if options.acceleration else None,
         surface=_surface(mesh, shapes, subdomains, interfaces, model) if options.surface else None,
     )
-    report.note(
-        f"{plural(body.mode_count, 'mode')}, {plural(body.frame_count, 'frame')}, {given.nodal_mass.sum():.4g} kg; "
-        f"first frequency {first_frequency(body.angular_frequency)}"
-    )
+    found = f"{plural(body.mode_count, 'mode')}, {plural(body.frame_count, 'frame')}, {given.nodal_mass.sum():.4g} kg"
+    report.note(f"{found}; first frequency {first_frequency(body.angular_frequency)}")
     return body
 
 
@@ -294,10 +292,8 @@ def _subdomains(
         # The floating frame is that of the given mass, not of the elements' volume.
         return [*floating, *found[len(floating) :]]
     if options.branches or (options.levels_asked and options.levels > 1):
-        raise BodyFileError(
-            "the modes come without cells: the body cannot be divided by itself; give the cells, or node sets of the "
-            "frames ([[frame]] tables), or frames = 1"
-        )
+        fault = "the modes come without cells: the body cannot be divided by itself"
+        raise BodyFileError(f"{fault}; give the cells, or node sets of the frames ([[frame]] tables), or frames = 1")
     if options.frames:
         held, asked = np.flatnonzero(model.fixed.any(axis=1)), frame_requests(options, model.mesh)
         wanted = requested_subdomains(model.mesh, held, asked)

@@ -89,10 +89,8 @@ class ExperimentTable(Table):
             )
         if round(count) < 1 or abs(count - round(count)) > _WHOLE:
             near = max(round(count), 1)
-            raise ValueError(
-                f"stop = {self.stop:g} s is {count:.6g} steps of {self.step:g} s, expected a whole number: "
-                f"take stop = {near * self.step:.12g} or step = {self.stop / near:.12g}"
-            )
+            found = f"stop = {self.stop:g} s is {count:.6g} steps of {self.step:g} s, expected a whole number"
+            raise ValueError(f"{found}: take stop = {near * self.step:.12g} or step = {self.stop / near:.12g}")
         return self
 
 

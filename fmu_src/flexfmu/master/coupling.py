@@ -128,9 +128,8 @@ class Result:
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.names)) or len(self.units) != len(self.names):
-            raise ValueError(
-                f"{len(self.names)} names, {len(self.units)} units, {len(self.time)} times, values {self.values.shape}"
-            )
+            found = f"{len(self.names)} names, {len(self.units)} units, {len(self.time)} times"
+            raise ValueError(f"{found}, values {self.values.shape}")
         for array in (self.time, self.values):
             array.flags.writeable = False
 
@@ -378,9 +377,8 @@ def write_ssp(file: Path, path: Path, report: Reporter) -> None:
         for entry, data in files.items():
             archive.writestr(zipfile.ZipInfo(entry, _DATE), data, zipfile.ZIP_DEFLATED)
     if inputs:
-        report.warning(
-            f"SSP has no tables: the master must feed the system's inputs {', '.join(_TABLE + text for text in inputs)}"
-        )
+        named = ", ".join(_TABLE + text for text in inputs)
+        report.warning(f"SSP has no tables: the master must feed the system's inputs {named}")
     if coupling.experiment.scheme is not Scheme.JACOBI:
         report.warning(f"SSP has no schemes: masters take their own, not {coupling.experiment.scheme.value!r}")
 

@@ -135,9 +135,8 @@ def read_description(name: str, file: Path) -> Description:
         raise SimulationError(f"fmu {name!r}: {file}: not a readable FMU ({error})") from error
     if not str(model.fmiVersion).startswith("2.") or model.coSimulation is None:
         kind = "co-simulation" if model.coSimulation is not None else "model exchange only"
-        raise SimulationError(
-            f"fmu {name!r}: {file} is FMI {model.fmiVersion}, {kind}; expected FMI 2.0 for co-simulation: export it so"
-        )
+        found = f"fmu {name!r}: {file} is FMI {model.fmiVersion}, {kind}"
+        raise SimulationError(f"{found}; expected FMI 2.0 for co-simulation: export it so")
     return Description(
         name,
         file,

@@ -360,9 +360,8 @@ class Participant:
             yield
         except Exception as error:  # whatever a library raises
             self.close()
-            raise SimulationError(
-                f"fmu {self.name!r} ({self.role.description.file}) cannot be loaded: {self._log.quoted or error}"
-            ) from error
+            found = f"fmu {self.name!r} ({self.role.description.file})"
+            raise SimulationError(f"{found} cannot be loaded: {self._log.quoted or error}") from error
 
     def _bookkeeping(self) -> dict[str, float]:
         """References of what flexfmu's bodies tell, −1 where an FMU has it not."""

@@ -80,10 +80,8 @@ def end_names(
                 for quantity in ("rotation", "moment"):
                     _check_vector(description, interface, quantity, key)
             elif any(spring.stiffness[3:] + spring.damping[3:]):
-                raise SimulationError(
-                    f"{key}: {text} has no rotation and moment ({interface}.rotation.x …, {interface}.moment.x …): set "
-                    "the last three numbers of stiffness and damping to zero"
-                )
+                found = f"{key}: {text} has no rotation and moment ({interface}.rotation.x …, {interface}.moment.x …)"
+                raise SimulationError(f"{found}: set the last three numbers of stiffness and damping to zero")
             ends[text] = None
     for text in ends:
         fmu, _, interface = text.partition(".")
@@ -103,10 +101,8 @@ def _check_vector(description: Description, interface: str, quantity: str, key: 
         name = f"{interface}.{quantity}.{axis}"
         variable = description.variable(name, key)
         if variable.causality != wanted or variable.type != "Real":
-            raise SimulationError(
-                f"{key}: {description.name}.{name} is of causality {variable.causality} and type {variable.type}, "
-                f"expected a Real {wanted}"
-            )
+            found = f"{key}: {description.name}.{name} is of causality {variable.causality} and type {variable.type}"
+            raise SimulationError(f"{found}, expected a Real {wanted}")
         unit = description.unit(name)
         if unit is not None and unit.translate(_JOINTS) != expected.translate(_JOINTS):
             raise SimulationError(f"{key}: {description.name}.{name} is in {unit}, expected {expected}")
@@ -326,9 +322,8 @@ def _table(description: Description, fmu: FmuTable, inputs: Shares) -> tuple[lis
     offered = [v.name for v in description.variables.values() if v.causality == "input" and v.type == "Real"]
     for name in names:
         if name not in offered:
-            raise SimulationError(
-                f"{fmu.input}: {name!r} is no Real input of fmu {fmu.name!r}; {nearest(name, offered)}"
-            )
+            found = f"{fmu.input}: {name!r} is no Real input of fmu {fmu.name!r}"
+            raise SimulationError(f"{found}; {nearest(name, offered)}")
         inputs.ask(fmu.name, name)
     return names, rows
 
@@ -360,10 +355,8 @@ def _check_fed_once(linked: list[tuple[str, str]], tabled: Mapping[tuple[str, st
     """An input takes a table or connections, not both."""
     for number, pair in enumerate(linked, start=1):
         if pair in tabled:
-            raise SimulationError(
-                f"connection {number}: {'.'.join(pair)} is also a column of {tabled[pair]}; "
-                "an input takes a table or connections: remove one of them"
-            )
+            found = f"connection {number}: {'.'.join(pair)} is also a column of {tabled[pair]}"
+            raise SimulationError(f"{found}; an input takes a table or connections: remove one of them")
 
 
 def _check_states(descriptions: Mapping[str, Description], coupled: set[str]) -> None:

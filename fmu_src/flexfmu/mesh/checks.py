@@ -280,9 +280,8 @@ def is_likely(mesh: Mesh) -> bool:
 def _plausible_in(other: UnitSystem, mesh: Mesh, units: UnitSystem) -> bool:
     """Whether the same numbers are a likely body throughout in another system."""
     stress, density = other.stress / units.stress, other.density / units.density
-    return _within(_size(mesh) * other.length / units.length, _LIKELY_SIZE) and all(
-        _likely(material.youngs_modulus * stress, material.density * density) for material in mesh.materials
-    )
+    likely = (_likely(one.youngs_modulus * stress, one.density * density) for one in mesh.materials)
+    return _within(_size(mesh) * other.length / units.length, _LIKELY_SIZE) and all(likely)
 
 
 def _likely(modulus: float, density: float) -> bool:
@@ -329,9 +328,8 @@ def _material_doubt(material: Material, units: UnitSystem) -> tuple[str, str] | 
         fault += f" ({modulus:.3g} N/m², {density:.3g} kg/m³)"
     causes = []
     if not _within(density, DENSITY_RANGE) or modulus > density * _FASTEST**2:
-        causes.append(
-            _cause(_fits(density, units.density, UNITS["kg/m³"], _LIKELY_DENSITY, density_name), "the density")
-        )
+        fits = _fits(density, units.density, UNITS["kg/m³"], _LIKELY_DENSITY, density_name)
+        causes.append(_cause(fits, "the density"))
     if not _within(modulus, MODULUS_RANGE) or (density > _DENSE and modulus < _SOFT):
         fits = _fits(modulus, units.stress, _STRESSES, _LIKELY_MODULUS, stress_name)
         causes.append(_cause(fits, "the modulus"))

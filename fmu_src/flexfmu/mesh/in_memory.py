@@ -342,10 +342,8 @@ def _from_arrays(points: Any, cells: Any) -> meshio.Mesh:
     for name, rows in by_kind.items():
         array = np.asarray(rows)
         if array.ndim != 2 or not np.issubdtype(array.dtype, np.integer):
-            raise MeshError(
-                f"cells {name!r} have shape {array.shape} and type {array.dtype}, expected whole numbers (k, nodes of "
-                "a cell)"
-            )
+            found = f"cells {name!r} have shape {array.shape} and type {array.dtype}"
+            raise MeshError(f"{found}, expected whole numbers (k, nodes of a cell)")
         kind = name or widths.get(array.shape[1])
         if kind is None or (kind in ASSUMED and ASSUMED[kind].node_count != array.shape[1]):
             known = ", ".join(f"{count} ({known})" for count, known in sorted(widths.items()))
@@ -376,10 +374,8 @@ def _volume_blocks(found: Any, title: str, shells: bool) -> list[int]:
     refused = sorted({found.cells[place].type for place in places} - set(ASSUMED))
     supported = ", ".join(f"{name} ({kind.name})" for name, kind in ASSUMED.items())
     if refused:
-        raise MeshError(
-            f"{title} holds cells of the kind {', '.join(refused)}, supported are {supported}; "
-            f"mesh the body with these kinds alone"
-        )
+        fault = f"{title} holds cells of the kind {', '.join(refused)}, supported are {supported}"
+        raise MeshError(f"{fault}; mesh the body with these kinds alone")
     if not places and not shells:
         kinds = ", ".join(sorted({block.type for block in found.cells})) or "none"
         raise MeshError(

@@ -245,10 +245,8 @@ def springs_note(springs: Sequence[SpringDamper]) -> list[str]:
     notes = [f"springs and dampers ({len(springs)}): {listed(one.name for one in springs)}"]
     askew = [one.name for one in springs if one.askew]
     if askew:
-        notes.append(
-            f"springs and dampers {listed(askew)} pull along fixed axes across the line between their nodes: turning "
-            "the body as a whole strains them"
-        )
+        found = f"springs and dampers {listed(askew)} pull along fixed axes across the line between their nodes"
+        notes.append(f"{found}: turning the body as a whole strains them")
     return notes
 
 

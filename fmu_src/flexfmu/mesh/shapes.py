@@ -162,9 +162,8 @@ def _powers(dimension: int, wanted: Callable[..., bool]) -> IntArray:
 
 
 _TRIANGLE = Polytope(np.array([(0, 0), (1, 0), (0, 1)], dtype=float), "CTRIA", "TRI", ((0, 1), (1, 2), (2, 0)))
-_RECTANGLE = Polytope(
-    np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float), "CQUAD", "QUA", ((0, 1), (1, 2), (2, 3), (3, 0))
-)
+_SQUARE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float)
+_RECTANGLE = Polytope(_SQUARE, "CQUAD", "QUA", ((0, 1), (1, 2), (2, 3), (3, 0)))
 TETRAHEDRON = Polytope(
     np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype=float),
     "CTETRA",
@@ -257,9 +256,8 @@ def tetrahedron_rule(degree: int) -> Quadrature:
     """Rule that is exact to degree 1, 2 or 4; the last is P. Keast's, Comp. Meth. Appl. Mech. Engng. 55 (1986) 339."""
     if degree < 3:
         return _simplex_rule(3, [(0.25 if degree == 1 else (5.0 + 3.0 * np.sqrt(5.0)) / 20.0, 1.0)])
-    corners = _simplex_rule(
-        3, [(0.698419704324386603, 0.354359298971922790), (0.0568813795204234229, 0.531354986742362930)]
-    )
+    orbits = (0.698419704324386603, 0.354359298971922790), (0.0568813795204234229, 0.531354986742362930)
+    corners = _simplex_rule(3, orbits)
     middle = TETRAHEDRON_10.nodes[len(TETRAHEDRON.corners) :]
     weights = np.full(len(middle), 1.0 / 315.0)
     return Quadrature(np.concatenate([middle, corners.points]), np.concatenate([weights, corners.weights]))

@@ -159,11 +159,10 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray, ties: Sequence[
     fixed, held = _supports(mesh, turning, lines, row, len(origin))
     points = np.concatenate([mesh.points[kept], ends.reshape(-1, 3)])
     rows = _joined(lines, row) + _tied(ties, points, lines, row)
-    parts, own = (
-        [] if part is None else [_on_lines(part, row, lines, len(origin))] for part in (mesh.equations, mesh.supports)
-    )
-    own += [matrix_of(held, 3 * len(origin))] if held else []
-    parts += [matrix_of(rows, 3 * len(origin))] if rows else []
+    total, given = len(origin), (mesh.equations, mesh.supports)
+    parts, own = ([] if part is None else [_on_lines(part, row, lines, total)] for part in given)
+    own += [matrix_of(held, 3 * total)] if held else []
+    parts += [matrix_of(rows, 3 * total)] if rows else []
     return replace(
         mesh,
         points=points,
@@ -204,9 +203,9 @@ def _with_centres(mesh: Mesh, turning: BoolArray) -> tuple[Mesh, BoolArray]:
         return np.concatenate([nodes, count + np.flatnonzero(np.isin(every, nodes).all(axis=1))])
 
     def wider(rows: sp.csr_array | None) -> sp.csr_array | None:
-        return (
-            None if rows is None else sp.csr_array((rows.data, rows.indices, rows.indptr), (rows.shape[0], 3 * total))
-        )
+        if rows is None:
+            return None
+        return sp.csr_array((rows.data, rows.indices, rows.indptr), (rows.shape[0], 3 * total))
 
     total = count + len(every)
     # A skin on solids has no motion of its own in its middle.
@@ -284,9 +283,8 @@ def _lines(mesh: Mesh, height: FloatArray, first: int) -> tuple[_Lines, tuple[El
             node.append(int(nodes[corners[0]]))
             direction.append(total / np.linalg.norm(total))
             faces.append(own)
-    lines = _Lines(
-        np.array(node), np.array(direction), np.array(faces), first + np.arange(2 * len(node)).reshape(-1, 2)
-    )
+    ends = first + np.arange(2 * len(node)).reshape(-1, 2)
+    lines = _Lines(np.array(node), np.array(direction), np.array(faces), ends)
     ends = np.where(along, lines.ends[line].T, lines.ends[line, ::-1].T)
     blocks, corner = [], 0
     for block in mesh.blocks:
@@ -369,11 +367,10 @@ def _joined(lines: _Lines, row: IntArray) -> list[dict[int, float]]:
     """Equations by which nodes of solids move with the line of the shells that share them; knots hold several."""
     node, count = np.unique(lines.node, return_counts=True)
     alone = np.isin(lines.node, node[count == 1]) & (row[lines.node] >= 0)
+    held = row[lines.node[alone]].tolist(), lines.ends[alone].tolist(), lines.share[alone].tolist()
     return [
         {3 * place + axis: -1.0} | {3 * end + axis: part for end, part in zip(ends, share, strict=True)}
-        for place, ends, share in zip(
-            row[lines.node[alone]].tolist(), lines.ends[alone].tolist(), lines.share[alone].tolist(), strict=True
-        )
+        for place, ends, share in zip(*held, strict=True)
         for axis in range(3)
     ]
 

@@ -152,13 +152,10 @@ def _held(rows: IntArray, faces: Sequence[IntArray], points: FloatArray) -> Iter
         weights = weighted(*one)
         beside, half = points[row] - sum(part * points[node] for node, part in weights.items()), points[row] - middle
         if abs(beside @ half) > 2.0 * _BESIDE * (half @ half):
-            raise MeshError(
-                f"a shell's edge at {np.array2string(middle, precision=4)} m is thicker than the "
-                "faces that hold it: name all faces of the solid there"
-            )
-        yield from (
-            {3 * row + axis: -1.0} | {3 * node + axis: part for node, part in weights.items()} for axis in range(3)
-        )
+            found = f"a shell's edge at {np.array2string(middle, precision=4)} m is thicker than the faces that hold it"
+            raise MeshError(f"{found}: name all faces of the solid there")
+        for axis in range(3):
+            yield {3 * row + axis: -1.0} | {3 * node + axis: part for node, part in weights.items()}
 
 
 def _carried(
@@ -176,10 +173,8 @@ def _carried(
     aside = (value - here) @ np.einsum("s,asi->ai", sides, there)
     turn = np.outer(normal, aside) / thick[:, None, None]
     # By node, end, and directions of the point and of the end.
-    weight = (value[:, None, None] * (np.eye(3) - across) + here[:, None, None] * across)[:, None] * sides[
-        :, None, None
-    ]
-    weight = weight + (here[:, None, None] * turn)[:, None] * np.array([1.0, -1.0])[:, None, None]
+    weight = (value[:, None, None] * (np.eye(3) - across) + here[:, None, None] * across)[:, None]
+    weight = weight * sides[:, None, None] + (here[:, None, None] * turn)[:, None] * np.array([[[1.0]], [[-1.0]]])
     for axis in range(3):
         keys = (3 * ends[:, :, None] + np.arange(3)).ravel().tolist()
         yield {3 * row + axis: -1.0} | dict(zip(keys, weight[:, :, axis].ravel().tolist(), strict=True))
@@ -212,8 +207,6 @@ def _place(target: FloatArray, ends: FloatArray, corners: int) -> tuple[FloatArr
         if np.abs(step).max() < _SETTLED:
             break
     if not np.abs(place).max() < _OUTSIDE:
-        raise MeshError(
-            f"*TIE: a point at {np.array2string(target, precision=4)} m is none that the shell beside it can carry: it "
-            "is bent too much there; mesh it finer, or let both share nodes"
-        )
+        found = f"*TIE: a point at {np.array2string(target, precision=4)} m is none that the shell beside it can carry"
+        raise MeshError(f"{found}: it is bent too much there; mesh it finer, or let both share nodes")
     return shape.value(place)[0], share

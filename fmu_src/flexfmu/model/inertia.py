@@ -131,9 +131,8 @@ class LumpedMass:
     def at_rest(self, frame_rotation: FloatArray) -> FloatArray:
         """Share of lumps and frames in the modal mass (m, m) at q = 0; `frame_rotation` is (S, 3, m)."""
         half = 0.5 * np.einsum("p,pia,pib->ab", self.mass, self.displacement, self.displacement, optimize=True)
-        half += np.einsum(
-            "sia,sib->ab", frame_rotation, 0.5 * self.turning @ frame_rotation + self.sweep, optimize=True
-        )
+        turned = 0.5 * self.turning @ frame_rotation + self.sweep
+        half += np.einsum("sia,sib->ab", frame_rotation, turned, optimize=True)
         return half + half.T
 
 

@@ -190,9 +190,8 @@ def _read(file: Any, name: str) -> ReducedBody:
         raise ModalFileError(f"{name}: an HDF5 file, but not a flexfmu modal file (format is {found!r})")
     version = int(file.attrs["schema_version"])
     if version != SCHEMA_VERSION:
-        raise ModalFileError(
-            f"{name}: schema version {version}, this flexfmu reads version {SCHEMA_VERSION}; build the body again"
-        )
+        expected = f"this flexfmu reads version {SCHEMA_VERSION}; build the body again"
+        raise ModalFileError(f"{name}: schema version {version}, {expected}")
     body = replace(
         _read_body(file, file.attrs),
         method=Method(file.attrs["method"]),

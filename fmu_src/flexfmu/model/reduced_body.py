@@ -364,10 +364,8 @@ class ReducedBody:
             raise ModalFileError("the body has rigid motions only, expected at least one elastic mode")
         slowest, fastest = self.angular_frequency[self.rigid_count], self.angular_frequency[-1]
         if slowest < _SLOWEST or fastest > _FASTEST:
-            raise ModalFileError(
-                f"angular_frequency of elastic modes is {slowest:.3g} to {fastest:.3g} rad/s, expected "
-                f"{_SLOWEST:.0e} to {_FASTEST:.0e}"
-            )
+            found = f"angular_frequency of elastic modes is {slowest:.3g} to {fastest:.3g} rad/s"
+            raise ModalFileError(f"{found}, expected {_SLOWEST:.0e} to {_FASTEST:.0e}")
         if self.mass not in masses_of(self.method):
             raise ModalFileError(f'mass is "{self.mass.value}", which method "{self.method.value}" does not know')
         if not set(self.compliance_interfaces) <= set(self.interface_names):

@@ -72,9 +72,8 @@ def summary(properties: Properties) -> list[tuple[str, str]]:
     volume = float(properties.volume.sum())
     lines = [("mass", f"{properties.mass:.4g} kg")]
     if properties.point_mass is not None:
-        lines.append(
-            ("masses at points", f"{properties.point_mass.sum():.4g} kg, {properties.point_mass.size} of them")
-        )
+        hung = properties.point_mass
+        lines.append(("masses at points", f"{hung.sum():.4g} kg, {hung.size} of them"))
     if properties.spring is not None:
         along = ", ".join(f"{k:.4g}" for k in properties.spring)
         lines.append(("springs to the ground", f"{along} N/m along x, y, z"))

@@ -184,10 +184,8 @@ def _check_names(body: ReducedBody, names: Collection[str], method: Method) -> N
         )
     root = body.interface_names[body.root_interface]
     if has_frames(method) and set(names) != {root}:
-        raise OptionError(
-            f"fixed interfaces are {', '.join(sorted(names))}, but frames hang on {root!r}: expected that one alone; "
-            'set root in the body file, or take method "linear"'
-        )
+        found = f"fixed interfaces are {', '.join(sorted(names))}, but frames hang on {root!r}: expected that one alone"
+        raise OptionError(f'{found}; set root in the body file, or take method "linear"')
 
 
 def _parts_fixed(body: ReducedBody, turn: FloatArray, squares: FloatArray) -> dict[str, Any]:

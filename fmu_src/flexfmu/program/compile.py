@@ -4,7 +4,7 @@ All that does not depend on inputs is found once. With it goes a second opinion 
 the best that it holds (docs/theory.md, section 7).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -59,9 +59,8 @@ def unit_load_tangents(draft: Draft, body: ReducedBody) -> FloatArray:
 def _interface_loads(draft: Draft, body: ReducedBody, elastic: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Modal forces (L, e) of unit loads and motions (I, 6, e) of interfaces over ω, and what makes loads comparable."""
     omega, interfaces = body.angular_frequency[elastic], body.interface_count
-    displacement, rotation = (
-        operator[..., elastic] / omega for operator in (body.interface_displacement, body.interface_rotation)
-    )
+    displacement = body.interface_displacement[..., elastic] / omega
+    rotation = body.interface_rotation[..., elastic] / omega
     # Displacement over rotation under loads of all directions.
     moved, turned = (np.linalg.norm(operator, axis=(1, 2)) for operator in (displacement, rotation))
     length = np.where((moved > 0.0) & (turned > 0.0), moved / np.where(turned > 0.0, turned, 1.0), 1.0)
@@ -180,10 +179,8 @@ def compile_draft(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT)
     try:
         return _draft(body, recipe_of(method), mass)
     except np.linalg.LinAlgError as error:
-        raise ModalFileError(
-            f"body '{body.name}': its numbers go beyond the arithmetic in method '{method.value}' ({error}); "
-            "build it again"
-        ) from error
+        found = f"body '{body.name}': its numbers go beyond the arithmetic in method '{method.value}' ({error})"
+        raise ModalFileError(f"{found}; build it again") from error
 
 
 def shadow_draft(body: ReducedBody) -> Draft:
@@ -273,18 +270,20 @@ def programs(body: ReducedBody) -> dict[str, Draft]:
                     raise
                 # A set that leaves the body no coordinates: the FMU says that it is not there.
                 continue
-            name = (
-                DESCRIPTION if method is start and not fixed else f"{'-'.join([method.value, *map(str, fixed)])}.prog"
-            )
             draft = compile_draft(held, method, mass)
+            name = DESCRIPTION if method is start and not fixed else _name(method.value, fixed)
             result[name] = Draft(draft.sizes | fields.sizes, draft.arrays | fields.arrays)
     if body.shadow is not None:
         # Frames hang on the root: of other interfaces fixed nothing is known.
         for fixed in _fixed_sets(body, Method.SECOND_ORDER):
             names = tuple(body.interface_names[number] for number in fixed)
             held = with_fixed_interfaces(body, names, Method.SECOND_ORDER)
-            result[f"{'-'.join([_SHADOW, *map(str, fixed)])}.prog"] = shadow_draft(held)
+            result[_name(_SHADOW, fixed)] = shadow_draft(held)
     return result
+
+
+def _name(first: str, fixed: Iterable[int]) -> str:
+    return f"{'-'.join([first, *map(str, fixed)])}.prog"
 
 
 def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:

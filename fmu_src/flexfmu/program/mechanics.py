@@ -286,10 +286,8 @@ def _lumped(body: ReducedBody, mass: Mass) -> LumpedMass | None:
     if mass is not Mass.CONFIGURATION:
         return None
     if body.inertia is None:
-        raise OptionError(
-            'mass "configuration" needs data that this body was built without: build it with inertia = true in '
-            "[reduction]"
-        )
+        found = 'mass "configuration" needs data that this body was built without'
+        raise OptionError(f"{found}: build it with inertia = true in [reduction]")
     if body.ties is not None:
         raise OptionError('mass "configuration" does not know bodies that were cut; take mass "constant"')
     return body.inertia if body.inertia.mass.size else None
@@ -372,9 +370,8 @@ def _put_turns(draft: Draft, body: ReducedBody) -> None:
 
 def advice(body: ReducedBody, recipe: Recipe, missed: str = "", source: str = "") -> bytes:
     """What to do about all that is watched, in the core's order; of missed stiffness also by which source."""
-    return texts(
-        against_rotation(body, recipe), missed, source, against_spin(body, recipe), against_error(body, recipe)
-    )
+    spin, error = against_spin(body, recipe), against_error(body, recipe)
+    return texts(against_rotation(body, recipe), missed, source, spin, error)
 
 
 def against_error(body: ReducedBody, recipe: Recipe) -> str:

@@ -154,19 +154,15 @@ def _curvature(
     """Second derivatives (6K, m, m) of offsets and relative rotations, (19) and (20); `change` is D_k."""
     data = body.second
     if data is None:
-        raise OptionError(
-            'method "second_order" needs data that this body was built without: build it with second_order = true in '
-            "[reduction]"
-        )
+        found = 'method "second_order" needs data that this body was built without'
+        raise OptionError(f"{found}: build it with second_order = true in [reduction]")
     # Seen from the floating frame, if there is one.
     turn = rotation - body.frame_rotation[0] if body.floating else rotation
     displacement, turned = data.displacement, data.rotation
     if inertia is not None:
         if inertia.curvature is None:
-            raise OptionError(
-                'mass "configuration" with method "second_order" needs data that this body was built without: build it '
-                "with inertia = true and second_order = true in [reduction]"
-            )
+            found = 'mass "configuration" with method "second_order" needs data that this body was built without'
+            raise OptionError(f"{found}: build it with inertia = true and second_order = true in [reduction]")
         # Lumps stand before the ties.
         before = len(displacement) - (0 if body.ties is None else 2 * len(body.ties.stiffness))
         displacement = np.insert(displacement, [before], inertia.curvature, axis=0)

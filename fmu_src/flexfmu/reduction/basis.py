@@ -91,9 +91,8 @@ class Matrices:
         model = self.model
         with self.report.stage("Assemble stiffness and mass"):
             # Without names for those of all degrees of freedom, which are not kept beside the factors.
-            matrices = eliminated(
-                stiffness(model.mesh) + model.unknowns.in_means(model.springs), model_mass(model.mesh), model.unknowns
-            )
+            springs = model.unknowns.in_means(model.springs)
+            matrices = eliminated(stiffness(model.mesh) + springs, model_mass(model.mesh), model.unknowns)
         with self.report.stage(f"Factorise the stiffness ({solver_name()})"):
             return supported(matrices, model.rigid, self.report.note)
 
@@ -422,10 +421,9 @@ def _buckled_shapes(matrices: Matrices, motion: FloatArray) -> FloatArray:
     stress = model.unknowns.matrix(model.unknowns.in_means(stress_stiffness(matrices.model.mesh, motion)))
     solve = spla.LinearOperator((size, size), matvec=lambda force: model.static(force.reshape(-1, 1))[:, 0])
     start = model.static(np.random.default_rng(_SEED).standard_normal((size, 1)))[:, 0]
+    how = {"which": "BE", "v0": start, "Minv": solve, "ncv": _VECTORS, "tol": _TOLERANCE}
     try:
-        inverse, shapes = spla.eigsh(
-            stress, _EACH, model.stiffness, which="BE", v0=start, Minv=solve, ncv=_VECTORS, tol=_TOLERANCE
-        )
+        inverse, shapes = spla.eigsh(stress, _EACH, model.stiffness, **how)
     except spla.ArpackNoConvergence as error:
         inverse, shapes = error.eigenvalues, error.eigenvectors
     order = np.argsort(-np.abs(inverse))

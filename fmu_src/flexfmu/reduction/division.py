@@ -94,9 +94,8 @@ def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
         # Over a gap it is as far as the gap is wide.
         joined = coupled_nodes(mesh.equations).tocoo()
         gap = np.linalg.norm(mesh.points[joined.row] - mesh.points[joined.col], axis=1)
-        between = sp.coo_array(
-            (np.maximum(gap, _TOUCHING * np.ptp(mesh.points)), (joined.row, joined.col)), graph.shape
-        )
+        gap = np.maximum(gap, _TOUCHING * np.ptp(mesh.points))
+        between = sp.coo_array((gap, (joined.row, joined.col)), graph.shape)
         graph = graph.maximum(sp.csr_array(between))
     return dijkstra(graph, directed=False, indices=sources, min_only=True)
 

@@ -78,9 +78,8 @@ def completed(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, tuple[str, ...]]:
             )
         index = len(materials)
         materials.append(_with(Material("[material]", np.nan, np.nan, np.nan), rest, list(KEYS), units))
-        blocks = tuple(
-            replace(block, material=np.where(block.material == NO_MATERIAL, index, block.material)) for block in blocks
-        )
+        rows = [np.where(block.material == NO_MATERIAL, index, block.material) for block in blocks]
+        blocks = tuple(replace(block, material=row) for block, row in zip(blocks, rows, strict=True))
     _refuse_missing(materials, units)
     return replace(mesh, blocks=blocks, materials=tuple(materials)), tuple(notes)
 
@@ -278,10 +277,8 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
     rigid = _free_motions(mesh, fixed | (spring > 0.0), config.free)
     model = Model(mesh, fixed, spring, rigid, damper)
     if rigid.shape[1] and (damper.any() or model.bushings.dampers.nnz):
-        raise ModelError(
-            "dampers act on a body that is held, and this one is free to move: hold it by springs, or put the dampers "
-            "between interfaces in a coupling file"
-        )
+        found = "dampers act on a body that is held, and this one is free to move"
+        raise ModelError(f"{found}: hold it by springs, or put the dampers between interfaces in a coupling file")
     return model
 
 
@@ -291,12 +288,10 @@ def _bushing(mesh: Mesh, nodes: IntArray, support: SupportNodes, key: str) -> Sp
     turning = *(support.rotational_stiffness or still), *(support.rotational_damping or still)
     if any(turning) and End(mesh.points, nodes, centre).rank < 2:
         raise ModelError(f"{key}: its nodes lie on a line or in a point, which has no rotation: give more nodes")
-    stiff, damped = np.array(
-        [*(support.stiffness or still), *turning[:3], *(support.damping or still), *turning[3:]]
-    ).reshape(2, 6)
-    return SpringDamper(
-        key, (nodes, none), np.array([centre, centre]), centre, orthonormal(support.axes), stiff, damped
-    )
+    stiff = np.array([*(support.stiffness or still), *turning[:3]])
+    damped = np.array([*(support.damping or still), *turning[3:]])
+    ends = np.array([centre, centre])
+    return SpringDamper(key, (nodes, none), ends, centre, orthonormal(support.axes), stiff, damped)
 
 
 def rigid_basis(points: FloatArray) -> FloatArray:

@@ -324,9 +324,8 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
     masses, parts = (np.einsum("ij,ij->j", v, one @ v) for v, one in ((vectors, m), (abs(vectors), abs(m))))
     # Of what has none round-off is left, of either sign.
     if not np.all(masses > 1e-12 * parts):
-        raise AccuracyError(
-            "some modes have no mass: a C3D20R element has it at eight points alone; ask for fewer modes"
-        )
+        why = "a C3D20R element has it at eight points alone"
+        raise AccuracyError(f"some modes have no mass: {why}; ask for fewer modes")
     vectors = vectors / np.sqrt(masses)
     try:
         squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
@@ -389,10 +388,8 @@ def _joined(model: Supported, modes: Modes, statics: FloatArray, missed: float =
 def _checked_orthonormality(m: sp.csr_array, vectors: FloatArray) -> float:
     error = float(np.max(np.abs(vectors.T @ (m @ vectors) - np.eye(vectors.shape[1]))))
     if error > _ORTHONORMALITY_LIMIT:
-        raise AccuracyError(
-            f"modes are not good enough: |ΦᵀMΦ − I| = {error:.1e} (limit {_ORTHONORMALITY_LIMIT:.0e}); check the mesh "
-            "for badly shaped elements, or ask for fewer modes"
-        )
+        found = f"modes are not good enough: |ΦᵀMΦ − I| = {error:.1e} (limit {_ORTHONORMALITY_LIMIT:.0e})"
+        raise AccuracyError(f"{found}; check the mesh for badly shaped elements, or ask for fewer modes")
     return error
 
 

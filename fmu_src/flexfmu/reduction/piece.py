@@ -297,10 +297,8 @@ def _divided(config: BodyOptions, model: Model, report: Reporter, springs: Seque
     report.tell(warnings=cuts)
     report.detail(f"{plural(len(subdomains), 'frame')}, {plural(len(interfaces), 'interface')}")
     if config.levels_asked and len(subdomains) < config.levels:
-        report.warning(
-            f"frames = {config.levels} were asked for, the body has layers of elements for {len(subdomains)} only: "
-            "ask for fewer, or mesh it finer"
-        )
+        found = f"frames = {config.levels} were asked for, the body has layers of elements for {len(subdomains)} only"
+        report.warning(f"{found}: ask for fewer, or mesh it finer")
     return _Divided(config, model, subdomains, interfaces, bool(cuts), springs, cut)
 
 
@@ -332,25 +330,19 @@ def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[
                 f"{subdomains[interface.frame].name}, which carries all of it; take a smaller set"
             )
     if interface.frame < 0 and subdomains:
-        report.warning(
-            f"interface {interface.name!r} touches no frame and moves linearly; put its nodes into a [[frame]]"
-        )
+        found = f"interface {interface.name!r} touches no frame and moves linearly"
+        report.warning(f"{found}; put its nodes into a [[frame]]")
 
 
 def _tell(modes: Modes, report: Reporter) -> None:
     """Say what modes there are."""
     hertz = modes.angular_frequency[modes.angular_frequency > 0.0] / (2.0 * np.pi)
     rigid = modes.angular_frequency.size - hertz.size
-    report.detail(
-        f"{f'{rigid} rigid motions, ' if rigid else ''}{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz; "
-        f"|ΦᵀMΦ − I| = {modes.orthonormality_error:.1e}, "
-        f"frequencies to {modes.frequency_error:.1e}"
-    )
+    found = f"{f'{rigid} rigid motions, ' if rigid else ''}{hertz.size} modes, {hertz[0]:.4g} to {hertz[-1]:.4g} Hz"
+    report.detail(f"{found}; |ΦᵀMΦ − I| = {modes.orthonormality_error:.1e}, frequencies to {modes.frequency_error:.1e}")
     if modes.splits_pair:
-        report.warning(
-            "a mode that is left out has the frequency of one that is not: the body will be softer in one direction "
-            "than in the other; take both modes or none"
-        )
+        found = "a mode that is left out has the frequency of one that is not"
+        report.warning(f"{found}: the body will be softer in one direction than in the other; take both modes or none")
 
 
 def _tell_coarse(model: Model, modes: Modes, report: Reporter) -> None:
@@ -400,10 +392,8 @@ def _membrane(divided: _Divided, basis: _Basis, loads: FloatArray) -> Membrane |
     asked = None if wanted == "auto" else (True, wanted is True)
     membrane = membrane_energy(Stretching(basis.matrices, basis.modes, loads), basis.key, asked, not divided.cut)
     if membrane is not None and divided.open_loops:
-        basis.matrices.report.warning(
-            f"{len(divided.subdomains)} frames open a loop that stretches, one frame keeps it closed: take "
-            'frames = 1, or cut = "auto"'
-        )
+        found = f"{len(divided.subdomains)} frames open a loop that stretches, one frame keeps it closed"
+        basis.matrices.report.warning(f'{found}: take frames = 1, or cut = "auto"')
     return membrane
 
 

@@ -64,9 +64,8 @@ def _with_links(mesh: Mesh, links: Sequence[RigidLink]) -> Mesh:
             if one.nodes.size > masters.size and np.isin(one.nodes, link.nodes).all():
                 masses[place] = replace(one, nodes=np.sort(masters))
     parts = [*([] if mesh.equations is None else [mesh.equations]), matrix_of(rows, 3 * len(mesh.points))]
-    simplices = tuple(
-        Simplices(*(np.array(part) for part in zip(*found[count], strict=True))) for count in sorted(found)
-    )
+    by_count = [zip(*found[count], strict=True) for count in sorted(found)]
+    simplices = tuple(Simplices(*map(np.array, columns)) for columns in by_count)
     equations = sp.csr_array(sp.vstack(parts)) if rows or mesh.equations is not None else None
     return replace(mesh, equations=equations, simplices=simplices, masses=tuple(masses), links=tuple(links))
 

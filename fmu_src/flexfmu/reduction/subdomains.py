@@ -307,10 +307,8 @@ def _joint(mesh: Mesh, request: FrameRequest, neighbour: IntArray) -> tuple[Weig
         nodes = request.joint.astype(np.int64)
         for other, words in ((request.nodes, "the frame itself"), (neighbour, where)):
             if not np.intersect1d(nodes, other).size:
-                raise BodyFileError(
-                    f"frame {request.name!r}: its joint shares no node with {words}; the joint is the "
-                    "section between the two"
-                )
+                found = f"frame {request.name!r}: its joint shares no node with {words}"
+                raise BodyFileError(f"{found}; the joint is the section between the two")
         joint = section(mesh, nodes)
         return joint, joint.centre(mesh.points)
     shared = np.intersect1d(request.nodes, neighbour)

@@ -97,9 +97,8 @@ class Layout(Generic[R]):
         # A line counts when it was ended.
         lines = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
         if text and tuple(lines[0] if lines else ()) != self.columns:
-            raise SceneError(
-                f"{path}: not records of this version; name another file, or give the columns {', '.join(self.columns)}"
-            )
+            columns = ", ".join(self.columns)
+            raise SceneError(f"{path}: not records of this version; name another file, or give the columns {columns}")
         return [self._parsed(cells, f"{path}, line {number}") for number, cells in enumerate(lines[1:], start=2)]
 
     def _parsed(self, cells: Sequence[str], where: str) -> tuple[R, str]:

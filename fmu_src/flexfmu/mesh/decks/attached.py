@@ -43,10 +43,8 @@ def point_masses(cards: Sequence[Card], deck: Deck, carriers: "Carriers") -> tup
     for row in sorted(given):
         one, on = given[row], carriers.of(row)
         if on is None:
-            raise one.line.error(
-                f"node {labels[row]} has a mass and belongs to no element and no coupling, which would carry it; "
-                "couple it (*COUPLING), or take the mass out"
-            )
+            fault = f"node {labels[row]} has a mass and belongs to no element and no coupling, which would carry it"
+            raise one.line.error(f"{fault}; couple it (*COUPLING), or take the mass out")
         if on.size == 1 and np.any(one.inertia) and row not in carriers.turning:
             place = f"{one.line.place}: node {labels[row]}"
             deck.notes.append(f"{place} of a solid does not turn: its rotary inertia does nothing")
@@ -215,9 +213,8 @@ def _spring(
     if not line and not directions:
         raise card.line.error(f"*{card.keyword} for {element.name} takes a row of directions 1 to 6 before its number")
     if len(set(directions)) > 1 and not line:
-        raise card.line.error(
-            f"*{card.keyword} joins direction {directions[0]} to {directions[1]}: both must be the same; use *EQUATION"
-        )
+        found = f"*{card.keyword} joins direction {directions[0]} to {directions[1]}"
+        raise card.line.error(f"{found}: both must be the same; use *EQUATION")
     direction = 0 if line else directions[0] - 1
     numbers[direction] = value * unit_of(direction, units)
     axes = np.eye(3) if turned is None else turned.axes(places[:1] / units.length)[0].T
@@ -231,18 +228,14 @@ def _spring(
 def _spring_numbers(card: Card) -> tuple[tuple[int, ...], float]:
     """Directions of a card's first row, none where it is blank, and its number."""
     if "NONLINEAR" in card.parameters or "RTOL" in card.parameters or "COMPLEXSTIFFNESS" in card.parameters:
-        raise card.line.error(
-            f"*{card.keyword} is nonlinear or complex, springs and dampers of a body are linear: give its number about "
-            "the working point"
-        )
+        found = f"*{card.keyword} is nonlinear or complex, springs and dampers of a body are linear"
+        raise card.line.error(f"{found}: give its number about the working point")
     rows = [fields(line) for line in card.data]
     full = [(row, line) for row, line in zip(rows, card.data, strict=True) if any(row)]
     first = _directions(*full[0]) if len(full) > 1 else ()
     if len(full) != (2 if first else 1):
-        raise card.line.error(
-            f"*{card.keyword} has {len(full)} rows of numbers, expected directions and one number: tables over "
-            "frequency or temperature are none of a linear body; give one row"
-        )
+        found = f"*{card.keyword} has {len(full)} rows of numbers, expected directions and one number"
+        raise card.line.error(f"{found}: tables over frequency or temperature are none of a linear body; give one row")
     texts, line = full[-1]
     value = number(texts[0], line, f"the number of *{card.keyword}")
     if value < 0.0:

@@ -190,10 +190,8 @@ class Card:
         for name in self.parameters:
             if name not in names:
                 supported = ", ".join(names) or "none"
-                raise self.line.error(
-                    f"parameter {name} of *{self.keyword} is not supported (supported: {supported}); "
-                    f"say the same without it, if it matters to the body at all"
-                )
+                found = f"parameter {name} of *{self.keyword} is not supported (supported: {supported})"
+                raise self.line.error(f"{found}; say the same without it, if it matters to the body at all")
 
 
 def read_cards(path: Path) -> Iterator[Card]:
@@ -326,9 +324,8 @@ def _included_lines(path: Path, including: tuple[Path, ...]) -> Iterator[Line]:
         if len(chain) > _DEEPEST:
             raise line.error(f"includes stand {len(chain)} deep within each other, expected at most {_DEEPEST}")
         if not included.is_file():
-            raise line.error(
-                f"the included file {included} does not exist; INPUT is taken relative to the including file"
-            )
+            found = f"the included file {included} does not exist"
+            raise line.error(f"{found}; INPUT is taken relative to the including file")
         yield from _included_lines(included, chain)
 
 

@@ -141,9 +141,8 @@ def _dofs(texts: list[str], line: Line, moved: list[str]) -> tuple[int, ...]:
     if first == last and first in _OTHER_DOFS:
         return ()
     if not 1 <= first <= last <= LAST_DOF:
-        raise line.error(
-            f"degrees of freedom {first} to {last} cannot be held; give an ascending range of the translations 1 to 3"
-        )
+        found = f"degrees of freedom {first} to {last} cannot be held"
+        raise line.error(f"{found}; give an ascending range of the translations 1 to 3")
     value = number(texts[2], line, "the displacement") if texts[2:] and texts[2] else 0.0
     if value != 0.0:
         moved.append(line.text)
@@ -212,10 +211,8 @@ def _equations(card: Card, node_sets: SetTable, axes: Mapping[int, FloatArray]) 
         while len(texts) < 3 * count:
             following = next(lines, None)
             if following is None:
-                raise line.error(
-                    f"an equation of {count} terms ends after {len(texts) // 3}: each is 'node, direction, "
-                    "coefficient'; the deck may have been cut short"
-                )
+                fault = f"an equation of {count} terms ends after {len(texts) // 3}"
+                raise line.error(f"{fault}: each is 'node, direction, coefficient'; the deck may have been cut short")
             last = following
             texts += fields(last)
         if len(texts) > 3 * count:
@@ -232,10 +229,8 @@ def _term(
 ) -> tuple[list[int], int, float]:
     """Nodes, direction from zero, and coefficient of a term."""
     if not 1 <= (axis := integer(direction, line, "the direction of an equation's term")) <= TRANSLATIONS:
-        raise line.error(
-            f"an equation between rotations (direction {axis}) is not supported: nodes of solids have the translations "
-            "1 to 3; say it by translations of nodes"
-        )
+        found = f"an equation between rotations (direction {axis}) is not supported"
+        raise line.error(f"{found}: nodes of solids have the translations 1 to 3; say it by translations of nodes")
     return _members(node, line, card, node_sets), axis - 1, number(factor, line, "an equation's coefficient")
 
 
@@ -253,9 +248,8 @@ def _expanded(
     """One equation for each node of the sets; single nodes stand in all of them."""
     counts = {len(nodes) for nodes, _, _ in terms} - {1}
     if len(counts) > 1 or 0 in counts:
-        raise line.error(
-            f"the sets of an equation have {listed(sorted(counts))} nodes, expected the same number, or one"
-        )
+        there = listed(sorted(counts))
+        raise line.error(f"the sets of an equation have {there} nodes, expected the same number, or one")
     found = []
     for place in range(max(counts, default=1)):
         row: dict[int, float] = {}
@@ -395,9 +389,8 @@ class TieTable:
             faces = (*main.faces, *main.shells)
             if not faces or (main.shells and (main.faces or edge)):
                 words = "no element faces" if not faces else "faces of shells" if edge else "faces of solids and shells"
-                raise line.error(
-                    f"surface '{names[1]}' has {words} to tie to; exchange them, or name faces of one kind"
-                )
+                fault = f"surface '{names[1]}' has {words} to tie to"
+                raise line.error(f"{fault}; exchange them, or name faces of one kind")
             nodes = np.array([node for node in dependent.nodes.tolist() if node not in self.tied], dtype=np.int64)
             nodes = np.setdiff1d(nodes, np.concatenate([block.ravel() for block in faces]))
             near = given if given is not None else _NEAR * _edge(self.points, faces)

@@ -64,9 +64,8 @@ class NodeTable:
             if row == len(self.coordinates):
                 self.coordinates.append(point)
             elif self.coordinates[row] != point:
-                raise line.error(
-                    f"node {label} is defined again at {point}, before at {self.coordinates[row]}; renumber one of them"
-                )
+                before = self.coordinates[row]
+                raise line.error(f"node {label} is defined again at {point}, before at {before}; renumber one of them")
             labels.append(label)
         return labels
 
@@ -90,10 +89,8 @@ class NodeTable:
             return [self.rows[label] for label in element.nodes]
         except KeyError:
             missing = [label for label in element.nodes if label not in self.rows]
-            raise element.line.error(
-                f"element {element.label} names nodes that are not defined: {listed(missing)}; add them with *NODE or "
-                "correct the element"
-            ) from None
+            found = f"element {element.label} names nodes that are not defined: {listed(missing)}"
+            raise element.line.error(f"{found}; add them with *NODE or correct the element") from None
 
     def points(self) -> FloatArray:
         """Coordinates, (n, 3), in the deck's units."""

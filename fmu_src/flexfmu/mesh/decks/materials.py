@@ -54,10 +54,8 @@ def _matrix(kind: str, values: FloatArray, line: Line, units: UnitSystem) -> tup
         matrix[:] = np.linalg.inv(compliance)
     matrix = matrix[np.ix_(_PLACES, _PLACES)] * units.stress
     if not np.isfinite(matrix).all() or np.linalg.eigvalsh(matrix)[0] <= 0.0:
-        raise line.error(
-            "these elastic constants belong to no material: some deformation would give energy back; check their "
-            "order and Poisson's ratios"
-        )
+        found = "these elastic constants belong to no material: some deformation would give energy back"
+        raise line.error(f"{found}; check their order and Poisson's ratios")
     return tuple(matrix.ravel().tolist())
 
 
@@ -220,9 +218,8 @@ class DeckMaterials:
             raise card.first.error(f"*ELASTIC should have {_WORDS[count]}, found {len(values)} numbers")
         if len(card.data) > rows:
             at = f" ({values[count]:g})" if len(values) > count else ""
-            self.notes.append(
-                f"{card.line.place}: the elastic constants of the first temperature{at} are taken for all"
-            )
+            taken = f"the elastic constants of the first temperature{at} are taken for all"
+            self.notes.append(f"{card.line.place}: {taken}")
         isotropic = _isotropic(card.data[0], values, self.units) if count == 2 else None
         constants = None if count == 2 else _matrix(kind, np.array(values[:count]), card.data[0], self.units)
         made = self._current(card)
@@ -404,9 +401,8 @@ class DeckMaterials:
             own = [self._axes(section, places, text) for text in texts]
             turns = [base.swapaxes(1, 2) @ one for one in own]
             if any(np.ptp(one, axis=0).max() > _SAME or abs(one[0, 2, 2]) < 1.0 - _SAME for one in turns):
-                raise section.line.error(
-                    "the orientations of the layers should differ by turns about one axis, the same in all elements"
-                )
+                expected = "differ by turns about one axis, the same in all elements"
+                raise section.line.error(f"the orientations of the layers should {expected}")
             angles = [float(np.arctan2(one[0, 1, 0], one[0, 0, 0])) for one in turns]
         heights = [layer.thickness for layer in section.layers]
         every = list(zip(heights, angles, materials, strict=True))

@@ -159,9 +159,8 @@ class SetTable:
             raise line.error(f"GENERATE takes 'first, last, increment', found {len(numbers)} numbers")
         first, last, step = [*numbers, 1][:3]
         if step <= 0 or last < first:
-            raise line.error(
-                f"cannot go from {first} to {last} in steps of {step}; give an ascending range and a positive increment"
-            )
+            fault = f"cannot go from {first} to {last} in steps of {step}"
+            raise line.error(f"{fault}; give an ascending range and a positive increment")
         labels = range(first + scope.offset, last + scope.offset + 1, step)
         # The shorter of the two: a range may have been mistyped by many digits.
         if len(labels) <= len(self.rows):
@@ -325,9 +324,7 @@ def _faces(members: set[int], name: str, elements: Elements, line: Line) -> list
             continue
         faces = {f"S{number}": nodes for number, nodes in enumerate(block.type.shape.faces, start=1)}
         if name not in faces:
-            raise line.error(
-                f"expected a face of {block.type.name} ({', '.join(faces)}) after the comma, "
-                f"found '{name}'; name the face"
-            )
+            fault = f"expected a face of {block.type.name} ({', '.join(faces)}) after the comma, found '{name}'"
+            raise line.error(f"{fault}; name the face")
         found.append(block.connectivity[inside][:, faces[name]])
     return found

@@ -118,10 +118,8 @@ def take_shells(
 def _faces(card: Card) -> Faces:
     """Heights of both faces over the nodes, along the normal."""
     if "SHELLTHICKNESS" in card.parameters:
-        raise card.line.error(
-            "*SHELL SECTION, SHELLTHICKNESS: thickness by a distribution is not supported: give sets of elements their "
-            "thickness"
-        )
+        found = "*SHELL SECTION, SHELLTHICKNESS: thickness by a distribution is not supported"
+        raise card.line.error(f"{found}: give sets of elements their thickness")
     card.allow((*_PARAMETERS, _BY_NODE, "COMPOSITE", "LAYUP", "SYMMETRIC"))
     texts, layers = card.row, plies(card)
     if not (texts and texts[0]) and _BY_NODE not in card.parameters:
@@ -162,10 +160,8 @@ def by_element(
         named = labels[block.connectivity[wanted]]
         own[wanted] = np.array([thickness.get(one, 0.0) for one in named.ravel().tolist()]).reshape(named.shape)
         if (own <= 0.0).any():
-            raise MeshError(
-                f"nodes {listed(np.unique(named[own[wanted] <= 0.0]))} of shells have no positive thickness: give them "
-                "one by *NODAL THICKNESS"
-            )
+            fault = f"nodes {listed(np.unique(named[own[wanted] <= 0.0]))} of shells have no positive thickness"
+            raise MeshError(f"{fault}: give them one by *NODAL THICKNESS")
         faces = np.array([one[:2] for one in given])[:, None]
         found.append(at_nodes(own[:, :, None] * faces) if block.type.shell else np.tile(faces, (1, MOST_NODES, 1)))
     return np.concatenate(found)

@@ -271,10 +271,8 @@ def _node_count(element: Any, card: str, path: Path) -> int:
     count = sum(node not in (None, 0) for node in nodes)
     corners = _CORNERS[card] if card in _CORNERS else 3 if card.startswith("CTRIA") else 4
     if (card, len(nodes)) not in _SOLIDS | _FACES or count not in (corners, len(nodes)) or not all(nodes[:corners]):
-        raise MeshError(
-            f"{path}: {element.type} {element.eid} has {count} of {len(nodes)} nodes, expected all of its mid-side "
-            "nodes or none; export the file again"
-        )
+        found = f"{path}: {element.type} {element.eid} has {count} of {len(nodes)} nodes"
+        raise MeshError(f"{found}, expected all of its mid-side nodes or none; export the file again")
     return count
 
 

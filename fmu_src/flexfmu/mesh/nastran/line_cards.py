@@ -86,10 +86,8 @@ def lines(model: Any, path: Path, units: UnitSystem, weight: float) -> list[Line
         given = element if number < 0 else model.properties[number]
         title = f"{path}: {given.type} {abs(number)}"
         if number > 0 and given.type not in PROPERTIES[element.type]:
-            raise MeshError(
-                f"{title} is the property of {element.type} {element.eid}, expected "
-                f"{' or '.join(PROPERTIES[element.type])}; give it one"
-            )
+            fault = f"{title} is the property of {element.type} {element.eid}"
+            raise MeshError(f"{fault}, expected {' or '.join(PROPERTIES[element.type])}; give it one")
         if number not in known:
             known[number] = _section(given, title, model)
         section, place, more = known[number]
@@ -116,9 +114,8 @@ def _section(given: Any, title: str, model: Any) -> tuple[CrossSection, tuple[fl
     elif given.type == "PBEAM":
         values = np.column_stack([given.A, given.i1, given.i2, given.j, given.i12])
         *constants, mixed = _constant(values, title).tolist()
-        first, second = _constant(
-            np.array([[given.n1a, given.n2a], [given.n1b, given.n2b]], dtype=float), title
-        ).tolist()
+        centres = np.array([[given.n1a, given.n2a], [given.n1b, given.n2b]], dtype=float)
+        first, second = _constant(centres, title).tolist()
         section = CrossSection((*constants, *_sheared(given, constants[0])), mixed, (first, second))
     elif given.type == "PBAR":
         section = CrossSection((given.A, given.i1, given.i2, given.j, *_sheared(given, given.A)), given.i12)
@@ -156,10 +153,8 @@ def _directed(element: Any, model: Any, path: Path) -> tuple[FloatArray, FloatAr
     """What the first axis is at right angles to the beam, and offsets (6,) of both ends, global."""
     title = f"{path}: {element.type} {element.eid}"
     if element.pa or element.pb:
-        raise MeshError(
-            f"{title} has the pins PA = {element.pa or 0}, PB = {element.pb or 0}, which are not supported: take CROD "
-            "for a bar with hinges at both ends, or join grid points by MPC"
-        )
+        found = f"{title} has the pins PA = {element.pa or 0}, PB = {element.pb or 0}, which are not supported"
+        raise MeshError(f"{found}: take CROD for a bar with hinges at both ends, or join grid points by MPC")
     ends = [model.nodes[node].get_position_no_xref(model) for node in (element.ga, element.gb)]
     systems = [model.nodes[node].cd for node in (element.ga, element.gb)]
     letters = element.offt if isinstance(element.offt, str) else "GGG"
@@ -305,10 +300,8 @@ def _end(grid: int, bulk: Bulk, carried: Mapping[int, list[int]], held: Set[int]
     """Rows of the points that carry an end; none on the ground."""
     nodes = [grid] if grid in bulk.used else carried.get(grid, [])
     if grid and not nodes and grid not in held:
-        raise MeshError(
-            f"{title} ends at GRID {grid}, which belongs to no element, RBE2 or RBE3 and is not held: join it to the "
-            "body (RBE2), or hold it (SPC 123) as ground"
-        )
+        found = f"{title} ends at GRID {grid}, which belongs to no element, RBE2 or RBE3 and is not held"
+        raise MeshError(f"{found}: join it to the body (RBE2), or hold it (SPC 123) as ground")
     return np.array(sorted({bulk.row[node] for node in nodes}), dtype=np.int64) if nodes else _GROUND
 
 

@@ -225,10 +225,8 @@ def multi_point_rows(bulk: Bulk) -> list[dict[int, float]]:
         terms: dict[int, float] = {}
         for node, component, factor in zip(card.nodes, card.components, card.coefficients, strict=True):
             if node not in row or str(component) not in tuple(_TRANSLATIONS) or model.nodes[node].cd:
-                raise MeshError(
-                    f"{path}: MPC {card.conid} has the term {node}, {component}: supported are translations 1 to 3 of "
-                    "grid points, along the global axes"
-                )
+                fault = f"{path}: MPC {card.conid} has the term {node}, {component}"
+                raise MeshError(f"{fault}: supported are translations 1 to 3 of grid points, along the global axes")
             key = 3 * row[node] + int(component) - 1
             terms[key] = terms.get(key, 0.0) + float(factor)
         found.append(terms)

@@ -41,10 +41,8 @@ def faces_of_shells(
             continue
         own = model.properties[element.pid]
         if own.type not in OF_SHELLS or (own.type == "PSHEAR") != (element.type == "CSHEAR"):
-            raise MeshError(
-                f"{path}: {own.type} {own.pid} is the property of shells, expected PSHELL, PCOMP or PCOMPG, of CSHEAR "
-                "PSHEAR"
-            )
+            fault = f"{path}: {own.type} {own.pid} is the property of shells"
+            raise MeshError(f"{fault}, expected PSHELL, PCOMP or PCOMPG, of CSHEAR PSHEAR")
         layered = own.type in LAYERED
         thickness, low = (own.Thickness(), own.z0) if layered else (own.t, -0.5 * own.t)
         found[f"{own.type} {own.pid}"] = low, low + thickness

@@ -255,10 +255,8 @@ def _materials(text: list[str], path: Path, units: UnitSystem) -> tuple[tuple[Ma
     for number, constants in sorted(known.items()):
         for label in ("EY", "EZ"):
             if constants.get(label, constants.get("youngs_modulus")) != constants.get("youngs_modulus"):
-                raise MeshError(
-                    f"{path}: material {number} is orthotropic ({label} ≠ EX, line {where[number, label]}), expected "
-                    "isotropic elasticity"
-                )
+                found = f"{path}: material {number} is orthotropic ({label} ≠ EX, line {where[number, label]})"
+                raise MeshError(f"{found}, expected isotropic elasticity")
         if all(key in constants for key in set(_CONSTANTS.values())):
             rows[number] = len(materials)
             modulus, density = constants["youngs_modulus"] * units.stress, constants["density"] * units.density

@@ -48,9 +48,8 @@ def imported(module: str, path: Path, library: str, extra: str) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        raise MeshError(
-            f'{path} needs {library} to be read ({error}): pip install "flexfmu[{extra}]", or pip install {library}'
-        ) from error
+        ways = f'pip install "flexfmu[{extra}]", or pip install {library}'
+        raise MeshError(f"{path} needs {library} to be read ({error}): {ways}") from error
 
 
 @contextlib.contextmanager
@@ -255,10 +254,8 @@ def _contents(variables: Mapping[str, Any], path: Path) -> Contents:
         title = given["elem_type"].upper()
         key = title[:3], rows.shape[1]
         if key not in _SHAPES and key not in _EDGES:
-            raise MeshError(
-                f"{path}: block {number} is of the kind {title} with {rows.shape[1]} nodes, expected TET, WEDGE or HEX "
-                "of first or second order"
-            )
+            found = f"{path}: block {number} is of the kind {title} with {rows.shape[1]} nodes"
+            raise MeshError(f"{found}, expected TET, WEDGE or HEX of first or second order")
         cells.append((_SHAPES[key].name, rows[:, _SHAPES[key].layered]) if key in _SHAPES else (_EDGES[key], rows))
     none = np.zeros(0, int)
     sets = {name: [np.arange(len(rows)) if k == place else none for k, (_, rows) in enumerate(cells)]

@@ -110,16 +110,12 @@ def cut_at(config: BodyOptions, model: Model, found: Sequence[LoopSection]) -> t
         sets[name] = one.nodes
         names.append(name)
         x, y, z = one.place
-        notes.append(
-            f'cut = "auto": cut {k} at ({x:.4g}, {y:.4g}, {z:.4g}) m, {one.nodes.size} nodes, {one.width:.3g} m'
-        )
+        size = f"{one.nodes.size} nodes, {one.width:.3g} m"
+        notes.append(f'cut = "auto": cut {k} at ({x:.4g}, {y:.4g}, {z:.4g}) m, {size}')
     if not found:
         notes.append('cut = "auto": no loop that a slender section opens; the body stays in one piece')
-    return (
-        replace(config, cuts=tuple(names), find_cuts=False),
-        replace(model, mesh=replace(mesh, node_sets=sets)),
-        notes,
-    )
+    opened = replace(model, mesh=replace(mesh, node_sets=sets))
+    return replace(config, cuts=tuple(names), find_cuts=False), opened, notes
 
 
 def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportNodes]) -> tuple[Mesh, list[Part]]:
@@ -187,17 +183,13 @@ def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
     faces = mesh.faces
     across = [np.all(member[block.nodes], axis=1) & ~block.outer for block in faces]
     if not any(chosen.any() for chosen in across):
-        raise BodyFileError(
-            f"{key}: its {nodes.size} nodes make up no face between two elements; take all nodes of a section along "
-            "element faces, across the whole body"
-        )
+        found = f"{key}: its {nodes.size} nodes make up no face between two elements"
+        raise BodyFileError(f"{found}; take all nodes of a section along element faces, across the whole body")
     shared = [block.nodes[chosen] for block, chosen in zip(faces, across, strict=True)]
     loose = nodes.size - np.unique(np.concatenate([block.ravel() for block in shared])).size
     if loose:
-        raise BodyFileError(
-            f"{key}: {loose} of its {nodes.size} nodes lie on no face between two elements that the set holds; "
-            "take just the nodes of the section"
-        )
+        found = f"{key}: {loose} of its {nodes.size} nodes lie on no face between two elements that the set holds"
+        raise BodyFileError(f"{found}; take just the nodes of the section")
     closed = tuple(replace(b, beyond=np.where(chosen, -1, b.beyond)) for b, chosen in zip(faces, across, strict=True))
     touching = np.flatnonzero(np.concatenate([np.any(member[b.connectivity], axis=1) for b in mesh.blocks]))
     link = sp.csr_array(neighbours(mesh.points, closed, mesh.element_count))[touching][:, touching]
@@ -276,6 +268,7 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
         found = {name: places[members][places[members] >= 0] for name, members in sets.items()}
         return {name: members for name, members in found.items() if members.size}
 
+    springs = [one for one in mesh.springs if np.all(place[np.concatenate(one.ends)] >= 0)]
     part = replace(
         mesh,
         points=mesh.points[nodes],
@@ -286,9 +279,7 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
         fixed=mesh.fixed[nodes],
         notes=(),
         masses=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.masses if np.all(place[one.nodes] >= 0)),
-        springs=moved_springs(
-            [one for one in mesh.springs if np.all(place[np.concatenate(one.ends)] >= 0)], lambda rows: place[rows]
-        ),
+        springs=moved_springs(springs, lambda rows: place[rows]),
         links=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.links if place[one.nodes[0]] >= 0),
         simplices=renumbered(mesh.simplices, place),
     )
@@ -332,10 +323,8 @@ def part_configs(config: BodyOptions, opened: Mesh, parts: Sequence[Part]) -> li
         home[frame.name] = int(np.argmax(np.bincount(held, minlength=len(parts))))
     for frame in config.frames:
         if frame.parent is not None and home[frame.parent] != home[frame.name]:
-            raise BodyFileError(
-                f"frame {frame.name!r} hangs on {frame.parent!r} beyond a [[cut]]: each part's frames hang on each "
-                "other and on its own supports"
-            )
+            found = f"frame {frame.name!r} hangs on {frame.parent!r} beyond a [[cut]]"
+            raise BodyFileError(f"{found}: each part's frames hang on each other and on its own supports")
     basis, levels = config.basis, config.levels
     if basis.kind is Basis.NORMAL:
         # Normal modes alone would leave the sections too stiff against each other.
@@ -364,10 +353,8 @@ def _part_interfaces(
     for table in config.interfaces:
         found = np.unique(owner[node_set(opened, table.nodes, f"interface {table.name!r}, nodes")])
         if found.size > 1:
-            raise BodyFileError(
-                f"interface {table.name!r}: its nodes are in {found.size} of the parts that [[cut]] makes, expected "
-                "one; take a smaller set, or cut elsewhere"
-            )
+            fault = f"interface {table.name!r}: its nodes are in {found.size} of the parts that [[cut]] makes"
+            raise BodyFileError(f"{fault}, expected one; take a smaller set, or cut elsewhere")
         interfaces[found[0]].append(table)
     for own, part in zip(interfaces, parts, strict=True):
         # Names that no body file can have.

@@ -132,9 +132,8 @@ def join_parts(
         Parts that can move although they are joined.
     """
     stack = _Stack.of(parts)
-    places = [
-        next((p, b.interface_names.index(n)) for p, b in enumerate(parts) if n in b.interface_names) for n in interfaces
-    ]
+    named = {name: (p, i) for p, body in enumerate(parts) for i, name in enumerate(body.interface_names)}
+    places = [named[name] for name in interfaces]
     moved = np.array([stack.motion(*place) for place in places])
     values, modes, pull, turn = _modes_of_whole(stack, welds, loose, moved)
     body = made_body(

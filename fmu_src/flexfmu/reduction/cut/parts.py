@@ -115,9 +115,8 @@ def opened_loops(config: BodyOptions, model: Model) -> tuple[BodyOptions, Model,
     if not parts:
         return cut_at(config, model, [])
     if not config.levels_asked:
-        before, *after = (
-            float(distance_along(one.mesh, one.anchored).max()) for one in (model, *(part.model for part in parts))
-        )
+        models = (model, *(part.model for part in parts))
+        before, *after = (float(distance_along(one.mesh, one.anchored).max()) for one in models)
         found = replace(found, levels=len(parts) * ceil(config.levels * max(after) / before - _ROUNDED))
     return found, opened, notes
 
@@ -328,10 +327,8 @@ def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: St
     with report.stage(f"Reduce the body once more, {plural(len(cuts), 'loop')} opened, to know its error"):
         finer = finer_shadow(found, FINER * found.levels)
         other, span, _ = reduced_parts(finer, opened, Reporter(), store, piece.shapes)
-    report.note(
-        f"{plural(len(cuts), 'loop')} within the body: its own error is that against the opened body "
-        '(cut = "auto" opens it, with constant mass)'
-    )
+    fault = f"{plural(len(cuts), 'loop')} within the body"
+    report.note(f'{fault}: its own error is that against the opened body (cut = "auto" opens it, with constant mass)')
     return replace(piece, body=replace(piece.body, shadow=Shadow(other, span)))
 
 

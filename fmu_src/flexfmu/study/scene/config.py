@@ -119,10 +119,8 @@ class TransientTable(Table):
                 raise ValueError(f"a duration of {self.duration} s has no two steps of {self.step} s")
             check_steps(self.duration, self.step)
         if self.frequencies is not None and self.frequencies[1] > 0.4 / self.step:
-            raise ValueError(
-                f"frequencies up to {self.frequencies[1]} Hz are not seen at steps of {self.step} s; take steps of "
-                f"{0.4 / self.frequencies[1]:.3g} s or less"
-            )
+            found = f"frequencies up to {self.frequencies[1]} Hz are not seen at steps of {self.step} s"
+            raise ValueError(f"{found}; take steps of {0.4 / self.frequencies[1]:.3g} s or less")
         return self
 
 
@@ -166,9 +164,8 @@ class AcceptedTable(Table):
     @classmethod
     def _share(cls, value: float | None) -> float | None:
         if value is not None and value >= 1.0:
-            raise ValueError(
-                f"is {value:g}, expected a share of the motion below 1, such as 0.01; {value:g} % is {value / 100.0:g}"
-            )
+            percent = f"{value:g} % is {value / 100.0:g}"
+            raise ValueError(f"is {value:g}, expected a share of the motion below 1, such as 0.01; {percent}")
         return value
 
 
@@ -300,5 +297,5 @@ def read_scene_file(path: Path) -> SceneFile:
         return case.model_copy(update={"results": results, "loads": loads})
 
     return scene.model_copy(
-        update={"static": [placed(case) for case in scene.static], "transient": [placed(c) for c in scene.transient]}
+        update={kind: [placed(c) for c in getattr(scene, kind)] for kind in ("static", "transient")}
     )

@@ -118,10 +118,8 @@ def _brought_static(scene: Scene, case: StaticCase, path: Path) -> Reference:
 def _brought_transient(scene: Scene, case: TransientCase, path: Path) -> Reference:
     times, motion = read_results(path, "time", scene.read)
     if np.any(np.diff(times) <= 0.0) or times[0] > _SAME or times[-1] < case.time[-1] * (1.0 - _SAME):
-        raise SceneError(
-            f"{path}: times go from {times[0]} s to {times[-1]} s, expected them to ascend from 0 to at least "
-            f"{case.time[-1]:g} s"
-        )
+        found = f"{path}: times go from {times[0]} s to {times[-1]} s"
+        raise SceneError(f"{found}, expected them to ascend from 0 to at least {case.time[-1]:g} s")
     at = np.column_stack([np.interp(case.time, times, column) for column in motion.reshape(len(times), -1).T])
     return Reference(_complete(at.reshape(len(at), *motion.shape[1:]), path), path.name)
 
@@ -162,10 +160,8 @@ def _by_fine_model(scene: Scene, report: Reporter, store: Store) -> dict[str, Re
                 try:
                     state = model.static(loads)
                 except EquilibriumError as error:
-                    raise SceneError(
-                        f"{case.name} × {factor:g}: the reduced model to compare with has no equilibrium: {error}; "
-                        "lower the load, or bring results"
-                    ) from error
+                    fault = f"{case.name} × {factor:g}: the reduced model to compare with has no equilibrium: {error}"
+                    raise SceneError(f"{fault}; lower the load, or bring results") from error
                 rows.append(model.motion(state).reshape(-1, 6))
                 doubt = max(doubt, model.error(state, loads).relative)
             found[str(number)] = np.array(rows)
@@ -211,10 +207,8 @@ def _tight_model(
             try:
                 return {"motion": follow(model, case, tell), "doubt": np.array(_static_error(scene, known, model))}
             except StepError as error:
-                raise SceneError(
-                    f"{case.name}: the reference model refuses a step: {error}; take other numbers in [reference], or "
-                    "bring results"
-                ) from error
+                found = f"{case.name}: the reference model refuses a step: {error}"
+                raise SceneError(f"{found}; take other numbers in [reference], or bring results") from error
 
     start = np.array([loads.packed(True) for loads in case.start_loads])
     end = np.array([loads.packed(True) for loads in case.end_loads])

@@ -153,10 +153,8 @@ def made_scene(file: SceneFile, path: Path, body: Path) -> Scene:
     """A scene of what a scene file of some path says; see `read_scene`."""
     given = read_body_file(body)
     if isinstance(given.damping.ratio, list):
-        raise SceneError(
-            f"{body}: damping.ratio lists one value per mode, which has no meaning for other numbers of modes; "
-            "give one number"
-        )
+        found = f"{body}: damping.ratio lists one value per mode, which has no meaning for other numbers of modes"
+        raise SceneError(f"{found}; give one number")
     known = tuple(table.name for table in given.interface)
     tables = {case.name: _table(case, path) for case in file.transient}
     columns = {case.name: list(case.loads) for case in file.static} | {name: table[0] for name, table in tables.items()}
