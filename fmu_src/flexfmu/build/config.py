@@ -256,7 +256,8 @@ class BodySpec(Table):
         variant = self.variant
         for data in sorted(needs(variant.method, variant.mass) - self.stored, key=lambda one: one.value):
             words = variant.words if data is Data.INERTIA else variant.method.value
-            raise ValueError(f'method "{words}" needs {ASKED_BY[data]}, but [reduction] denies it: take that key out')
+            found = f'method "{words}" needs {ASKED_BY[data]}, and [reduction] says otherwise'
+            raise ValueError(f"{found}: take that key out")
         if has_frames(variant.method) and self.frames == 0 and not self.free:
             found = f'method "{variant.method.value}" needs frames, and frames is 0'
             raise ValueError(f'{found}: take frames = 1 or more, or method "linear"')

@@ -197,9 +197,8 @@ class SupportTable(Table):
         for kind, values in (("spring of {} N/m", self.stiffness), ("damper of {} N s/m", self.damping)):
             for axis, value in zip(("x", "y", "z"), values or (), strict=False):
                 if axis in self.fix and value > 0.0:
-                    raise ValueError(
-                        f"both fixes {axis} and puts a {kind.format(value)} along it, expected one of both"
-                    )
+                    found = f"both fixes {axis} and puts a {kind.format(value)} along it"
+                    raise ValueError(f"{found}, expected one of them")
         return self
 
 
