@@ -30,7 +30,7 @@ from ..reduction.bodies import used_body
 from ..reduction.cut.parts import chosen_cuts, reduced_parts, reduced_whole
 from ..reduction.masses import body_properties
 from ..reduction.model import Model, assemble_model, needless
-from ..reduction.options import BodyOptions, by_name, element_set, node_set, support_places
+from ..reduction.options import DEFAULT_FRAMES, BodyOptions, BodyUse, by_name, element_set, node_set, support_places
 from ..reduction.rigid_nodes import stretch_free
 from .config import BodyFile, BodySpec, read_body_file
 
@@ -196,18 +196,28 @@ def reduce_mesh(
     body = used_body(body, use)
     # Who asks for a mass has it.
     if config.formulation.mass is None and config.reduction.inertia is not False and not keeps_its_mass(body):
-        body = _with_lumps(body, options, model, report, store)
+        body = _with_lumps(body, use, options, model, report, store)
     _tell(config, body, report)
     return body
 
 
-def _with_lumps(body: ReducedBody, options: BodyOptions, model: Model, report: Reporter, store: Store) -> ReducedBody:
-    """The body with the mass of its lumps (13) in place of the polynomial, where they are fine enough."""
-    with report.stage("Find the lumps of its mass"):
-        heavy, stored = Variant(body.method, Mass.CONFIGURATION), options.stored | {Data.INERTIA}
-        alone = replace(options, variant=heavy, stored=stored, certificate=False, watched=False, surface=False)
-        inertia = body.inertia or reduced_whole(alone, model, Reporter(), store).body.inertia
-    lumped = replace(body, mass=Mass.CONFIGURATION, inertia=inertia)
+def _with_lumps(
+    body: ReducedBody, use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store
+) -> ReducedBody:
+    """The body with the mass of its lumps (13) in place of the polynomial, where they are fine enough.
+
+    It bends far: default frames are doubled, since what bends within a frame carries its lumps astray.
+    """
+    alone = replace(options, variant=Variant(body.method, Mass.CONFIGURATION), stored=options.stored | {Data.INERTIA})
+    if options.levels == DEFAULT_FRAMES and not (options.levels_asked or options.frames or options.branches):
+        finer = reduced_whole(replace(alone, levels=2 * DEFAULT_FRAMES), model, report, store).body
+        lumped = used_body(replace(finer, polynomial=body.polynomial), use)
+    else:
+        with report.stage("Find the lumps of its mass"):
+            alone = replace(alone, certificate=False, watched=False, surface=False)
+            inertia = body.inertia or reduced_whole(alone, model, Reporter(), store).body.inertia
+        lumped = replace(body, inertia=inertia)
+    lumped = replace(lumped, mass=Mass.CONFIGURATION)
     fine = lumps_are_fine(lumped)
     report.note(f"{_FAR_BENT}: {_LUMPS if fine else _COARSE}")
     return lumped if fine else body

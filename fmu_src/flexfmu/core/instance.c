@@ -393,11 +393,11 @@ static int over_step(Instance *x, double step) {
     return differ;
 }
 
-/* By how much internal steps are divided once more as what they miss nears its limit: beyond a quarter of it, and half. Once it is
- * passed and told, shorter ones are no use. */
+/* By how much internal steps are divided once more as what they miss nears its limit: above a tenth of it, and a fifth: where forces
+ * soften the body the error is some times what is known of it. Once it is passed, shorter ones are no use. */
 static int64_t finer_by(const Instance *x) {
     const double off = of_course(x, offsetof(Course, astray.error[BY_STEPS])) / x->parameter[P_ASTRAY_LIMIT];
-    return !(off > 0.25 && off <= 1.0) ? 1 : off > 0.5 ? 4 : 2;
+    return !(off > 0.1 && off <= 1.0) ? 1 : off > 0.2 ? 4 : 2;
 }
 
 static Answer whole_step(Instance *x, double time, double step, char *why) {

@@ -21,7 +21,7 @@ typedef struct {
     Rule own;             /* of the internal step at hand, with the modes' masses in it */
     double *v1, *free_q, *free_v, *first, *last, *force, *mean, *growth, *pushed, *bare, *momentum, *impulse, *gradient, *half, *off;
     double *before, *after; /* (m): accelerations at both ends */
-    double *acted, *acts, *acting; /* (m): what loads and membrane energy do at both ends, and in the mean */
+    double *acted, *acts, *acting; /* (m): what loads, membrane energy and a changing mass do at both ends, and in the mean */
     double *trend;        /* (m): change of the force over the internal step before */
     double *excess;       /* (m): what the modes' masses have beyond one, m_j - 1 */
     double *size;         /* (m): what a change of the mean counts */
@@ -58,7 +58,8 @@ static int accelerate(Inertial *x, const Configuration *at, const double *v, dou
     modal_force(body, &s->loads, 1, at, 0, &s->scratch, out);
     stretch_at(body, at->q, s->to);
     subtract_stretch_force(body, s->to, s->to, out);
-    memcpy(acts, out, (size_t)m * sizeof(double));
+    kinetic_gradient(body, at, v, &x->flow, acts);
+    for (int64_t j = 0; j < m; j++) acts[j] += out[j];
     convective_force(body, at, v, &x->flow, convective);
     for (int64_t j = 0; j < m; j++) out[j] -= resisted(body, at->q, v, j) + convective[j];
     subtract_damping(body, v, out);
@@ -186,10 +187,10 @@ static int residual(Step *s) {
     excess_momentum(body, s->there, x->v1, &x->flow, x->impulse);
     for (int64_t j = 0; j < m; j++) x->impulse[j] -= x->excess[j] * x->v1[j] + x->momentum[j];
     find_factor(x);
-    for (int64_t j = 0; j < m; j++) x->acting[j] = x->pushed[j] + s->factor * s->way[j];
+    for (int64_t j = 0; j < m; j++) x->acting[j] = x->pushed[j] + x->gradient[j] + s->factor * s->way[j];
     stretch_at(body, s->q1, s->to);
     subtract_stretch_force(body, s->from, s->to, x->acting);
-    for (int64_t j = 0; j < m; j++) x->force[j] = x->acting[j] + x->gradient[j] - x->impulse[j] / h;
+    for (int64_t j = 0; j < m; j++) x->force[j] = x->acting[j] - x->impulse[j] / h;
     for (int64_t j = 0; j < m; j++) x->half[j] = s->way[j] / h;
     subtract_damping(body, x->half, x->force);
     for (int64_t j = 0; j < m; j++) x->off[j] = x->mean[j] - x->force[j];
@@ -233,14 +234,15 @@ static int accept(Step *s, double *error) {
     if (!accelerate(x, s->there, x->v1, x->acts, x->after)) return 0;
     end_force(x, s->there->q, x->v1, x->after, x->last);
     *error = leading_error(s, x->first, x->last, x->v1);
-    lead_astray(s, x->acted, x->acts, x->acting);
+    for (int64_t j = 0; j < body->p->modes; j++) x->trend[j] = x->last[j] - x->first[j];
+    /* Of momenta the mean is exact. */
+    lead_astray(s, x->acted, x->acts, x->acting, x->trend);
     return 1;
 }
 
 static void pass(Step *s) {
     Inertial *x = (Inertial *)s;
     double *kept = x->before, *rates = s->v0;
-    for (int64_t j = 0; j < s->body->p->modes; j++) x->trend[j] = x->last[j] - x->first[j];
     x->before = x->after;
     x->after = kept;
     kept = x->acted;

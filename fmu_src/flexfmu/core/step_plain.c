@@ -123,7 +123,8 @@ static int accept(Step *s, double *error) {
     stretch_at(body, s->q1, s->to);
     x->end_work = end_force(s, s->there, s->to, s->v0, x->last);
     *error = leading_error(s, x->first, x->last, s->v0);
-    lead_astray(s, x->first, x->last, x->mean);
+    for (int64_t j = 0; j < body->p->modes; j++) x->off[j] = x->last[j] - x->first[j];
+    lead_astray(s, x->first, x->last, x->mean, x->off);
     return 1;
 }
 

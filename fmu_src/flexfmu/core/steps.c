@@ -149,7 +149,7 @@ void carry_astray(const Rule *r, double *astray, int64_t modes) {
     }
 }
 
-void lead_astray(Step *s, const double *first, const double *last, const double *mean) {
+void lead_astray(Step *s, const double *first, const double *last, const double *mean, const double *grown) {
     const int64_t m = s->body->p->modes;
     const Rule *r = s->rule;
     double *off = s->astray, *rate = off + m, *trend = rate + m;
@@ -159,8 +159,8 @@ void lead_astray(Step *s, const double *first, const double *last, const double 
         /* A parabola through what acts at both ends and, by its trend, before tells the mean that the force truly has. */
         const double change = last[j] - first[j], curved = change - trend[j] * s->all->step;
         const double missed = 0.5 * (first[j] + last[j]) - curved / 12.0 - mean[j];
-        off[j] += r->gq[j] * missed + r->ramp[j] * change;
-        rate[j] += r->gv[j] * missed + r->ramp_rate[j] * change;
+        off[j] += r->gq[j] * missed + r->ramp[j] * grown[j];
+        rate[j] += r->gv[j] * missed + r->ramp_rate[j] * grown[j];
         trend[j] = change / s->all->step;
     }
 }

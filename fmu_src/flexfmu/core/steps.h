@@ -97,7 +97,8 @@ double felt(double turn);
 double leading_error(const Step *step, const double *first, const double *last, const double *v);
 /* Coordinates and rates (m) by which motion is off go on as the modes do, pushed by nothing. */
 void carry_astray(const Rule *rule, double *astray, int64_t modes);
-/* Add what an internal step does to them: its force goes from `first` to `last`, of which it takes `mean` alone. */
-void lead_astray(Step *step, const double *first, const double *last, const double *mean);
+/* Add what an internal step does to them: its force goes from `first` to `last`, of which it takes `mean` alone; `grown` (m) is
+ * by how much all that acts grows over it. */
+void lead_astray(Step *step, const double *first, const double *last, const double *mean, const double *grown);
 
 #endif
