@@ -109,9 +109,7 @@ _HEAVY_DAMPING = 0.3
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
 _FAR_BENT = "sudden loads may bend it beyond the range of its mass polynomial"
-_LUMPS = (
-    'it has the mass of its lumps, whose steps cost more (mass = "polynomial" in [formulation] keeps to the polynomial)'
-)
+_LUMPS = 'it has the mass of its lumps: steps cost more (mass = "polynomial" in [formulation] keeps to the polynomial)'
 _COARSE = "steps are refused there, since lumps on its frames are too coarse: build with more frames"
 
 
@@ -196,31 +194,25 @@ def reduce_mesh(
     body = used_body(body, use)
     # Who asks for a mass has it.
     if config.formulation.mass is None and config.reduction.inertia is not False and not keeps_its_mass(body):
-        body = _with_lumps(body, use, options, model, report, store)
+        body = _lumped(body, use, options, model, report, store)
     _tell(config, body, report)
     return body
 
 
-def _with_lumps(
+def _lumped(
     body: ReducedBody, use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store
 ) -> ReducedBody:
     """The body with the mass of its lumps (13) in place of the polynomial, where they are fine enough.
 
     It bends far: default frames are doubled, since what bends within a frame carries its lumps astray.
     """
-    alone = replace(options, variant=Variant(body.method, Mass.CONFIGURATION), stored=options.stored | {Data.INERTIA})
-    if options.levels == DEFAULT_FRAMES and not (options.levels_asked or options.frames or options.branches):
-        finer = reduced_whole(replace(alone, levels=2 * DEFAULT_FRAMES), model, report, store).body
-        lumped = used_body(replace(finer, polynomial=body.polynomial), use)
-    else:
-        with report.stage("Find the lumps of its mass"):
-            alone = replace(alone, certificate=False, watched=False, surface=False)
-            inertia = body.inertia or reduced_whole(alone, model, Reporter(), store).body.inertia
-        lumped = replace(body, inertia=inertia)
-    lumped = replace(lumped, mass=Mass.CONFIGURATION)
-    fine = lumps_are_fine(lumped)
+    plain = options.levels == DEFAULT_FRAMES and not (options.levels_asked or options.frames or options.branches)
+    finer = replace(options, levels=(2 if plain else 1) * options.levels, stored=options.stored | {Data.INERTIA})
+    found = reduced_whole(finer, model, report, store).body
+    found = replace(used_body(replace(found, polynomial=body.polynomial), use), mass=Mass.CONFIGURATION)
+    fine = lumps_are_fine(found)
     report.note(f"{_FAR_BENT}: {_LUMPS if fine else _COARSE}")
-    return lumped if fine else body
+    return found if fine else body
 
 
 def _properties(options: BodyOptions, model: Model) -> Properties:
