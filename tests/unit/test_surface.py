@@ -154,7 +154,7 @@ def test_pairs_of_modes_are_answered_a_few_at_a_time_with_the_same_surface(tmp_p
     model = assemble_model(mesh, body_file(mesh, tmp_path, interface=["TIP"]).options)
     matrices = Matrices(model, Reporter())
     modes = normal_modes(matrices.supported, 8)
-    arguments = modes.shapes, np.arange(8), modes.angular_frequency**2, modes.shapes[:, :0], mesh.node_sets["TIP"]
+    arguments = matrices, modes, modes.shapes[:, :0], mesh.node_sets["TIP"]
     counts = []
 
     def counted(mesh, fields, pairs, tell):
@@ -162,12 +162,12 @@ def test_pairs_of_modes_are_answered_a_few_at_a_time_with_the_same_surface(tmp_p
         return quadratic_strain(mesh, fields, pairs, tell)
 
     monkeypatch.setattr(surface, "quadratic_strain", counted)
-    fields, forms = surface.second_order_fields(mesh, matrices.supported, *arguments)
+    fields, forms = surface.second_order_fields(*arguments)
     # All nodes' responses to all 36 pairs at once would take more than the factorisation of a large mesh.
     assert sum(counts) == 36
     assert max(counts) <= 16
     monkeypatch.setattr(surface, "_AT_A_TIME", 1000)
-    whole_fields, whole_forms = surface.second_order_fields(mesh, matrices.supported, *arguments)
+    whole_fields, whole_forms = surface.second_order_fields(*arguments)
     assert counts[-1] == 36
     moved, expected = (np.einsum("nr,rab->nab", *pair) for pair in ((fields, forms), (whole_fields, whole_forms)))
     np.testing.assert_allclose(moved, expected, atol=1e-9 * np.abs(expected).max())

@@ -150,10 +150,9 @@ class FlexibleBody:
 
     def __repr__(self) -> str:
         """Name, method and size."""
-        return (
-            f"<{type(self).__name__} {self.model.name!r}: {self.method.value}, {self.core.modes} modes, "
-            f"{self.core.frames} frames, interfaces {', '.join(self.model.interface_names)}>"
-        )
+        size = f"{self.core.modes} modes, {self.core.frames} frames"
+        kind, interfaces = type(self).__name__, ", ".join(self.model.interface_names)
+        return f"<{kind} {self.model.name!r}: {self.method.value}, {size}, interfaces {interfaces}>"
 
     def loads(self, loads: Mapping[str, Sequence[float]], acceleration: Sequence[float] = (0.0, 0.0, 0.0)) -> Loads:
         """Loads from {interface: (fx, fy, fz)} or {interface: (fx, fy, fz, mx, my, mz)}, N and N m, global frame.

@@ -92,10 +92,9 @@ class NodeChoices:
         elif chosen.ndim == 1 and np.issubdtype(chosen.dtype, np.integer) and not callable(nodes):
             rows = np.unique(chosen).astype(np.int64)
         else:
-            raise BodyFileError(
-                f"nodes of {title} are an array of shape {chosen.shape} and type {chosen.dtype}, expected a "
-                f"set's name, rows of the mesh's points, or a mask ({count},) of them"
-            )
+            found = f"nodes of {title} are an array of shape {chosen.shape} and type {chosen.dtype}"
+            expected = f"a set's name, rows of the mesh's points, or a mask ({count},) of them"
+            raise BodyFileError(f"{found}, expected {expected}")
         if rows.size and not 0 <= rows[0] <= rows[-1] < count:
             raise BodyFileError(f"nodes of {title} run from {rows[0]} to {rows[-1]}, expected 0 to {count - 1}")
         self.mesh = replace(self.mesh, node_sets={**self.mesh.node_sets, title: rows})

@@ -170,15 +170,10 @@ class BodySpec(Table):
     @property
     def use(self) -> plain.BodyUse:
         """How the body will be used."""
-        return plain.BodyUse(
-            self.name,
-            np.array(self.damping.measured) if self.damping.measured else self.damping.ratio,
-            self.variant,
-            self.output.velocities,
-            tuple(one.name for one in self.interface if one.compliance),
-            tuple(one.name for one in self.interface if one.follows),
-            self.output.tolerance,
-        )
+        damping = np.array(self.damping.measured) if self.damping.measured else self.damping.ratio
+        soft = tuple(one.name for one in self.interface if one.compliance)
+        following, output = tuple(one.name for one in self.interface if one.follows), self.output
+        return plain.BodyUse(self.name, damping, self.variant, output.velocities, soft, following, output.tolerance)
 
     @property
     def options(self) -> plain.BodyOptions:

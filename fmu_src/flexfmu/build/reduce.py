@@ -244,10 +244,8 @@ def _tell(config: BodySpec, body: ReducedBody, report: Reporter) -> None:
         report.warning(f"{found}; the ratio is a share of critical damping, 1 % is 0.01")
     asked = config.formulation.method is not None, config.frames is not None or config.frame or config.branch
     said, divided = ("body file" if one else "default" for one in asked)
-    report.note(
-        f"method {chosen(body).words} ({'no frames' if config.frames == 0 else said}), "
-        f"{plural(body.frame_count, 'frame')} ({divided}), {plural(body.mode_count, 'mode')}"
-    )
+    size = f"{plural(body.frame_count, 'frame')} ({divided}), {plural(body.mode_count, 'mode')}"
+    report.note(f"method {chosen(body).words} ({'no frames' if config.frames == 0 else said}), {size}")
     if body.membrane is not None:
         report.note(f"membrane energy: {body.membrane.words}")
     report.note(f"first frequency {first_frequency(body.angular_frequency)}")

@@ -166,7 +166,7 @@ def _spread(count: int, most: int) -> IntArray:
 
 
 def show_simulation(
-    fmu: Path, table: Path, result: Path, output: Path, settings: Mapping[str, object], report: Reporter
+    fmu: Path, table: Path, result: Path, output: Path, given: Mapping[str, object], report: Reporter
 ) -> None:
     """Show a simulation that was run: the same loads at the same times, and the same motion to the last digits.
 
@@ -176,7 +176,7 @@ def show_simulation(
         What was run, its loads, and its results.
     output : Path
         As of `Request`.
-    settings : mapping of str to object
+    given : mapping of str to object
         Parameters of the run.
     report : Reporter
 
@@ -186,11 +186,11 @@ def show_simulation(
         See `show`.
     """
     model = read_packaged_body(fmu)
-    body = body_with(model, settings)
+    body = body_with(model, given)
     names, loads = read_table(table)
     outputs, motion = read_table(result)
     rows = np.column_stack([loads[:, :1], packed_rows(model, names, loads)])
-    found = replay(body, rows, motion[:, 0], settings, report)
+    found = replay(body, rows, motion[:, 0], given, report)
     columns = motions.motion_columns(body, outputs)
     expected = motion[: len(found.q), [column + 1 for column in columns]]
     seen = np.array([body.core.motion(q)[list(columns.values())] for q in found.q])

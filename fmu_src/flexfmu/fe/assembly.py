@@ -261,10 +261,8 @@ def stiffness(mesh: Mesh) -> sp.csr_array:
         N/m; degree of freedom 3 i + j is node i in direction j; of shells in means and differences (`fe.assembly`).
     """
     size = 3 * len(mesh.points)
-    total = summed(
-        assembled(some.nodes, some.eliminated(some.stiffness())[0], size)
-        for some in elastic_cells(mesh, CHUNK, means=True)
-    )
+    cells = elastic_cells(mesh, CHUNK, means=True)
+    total = summed(assembled(some.nodes, some.eliminated(some.stiffness())[0], size) for some in cells)
     node, share = mesh.mixed
     moved: FloatArray = np.bincount(node.ravel(), share.ravel()).astype(float)
     return _without_forces_of_translations(sp.csr_array(0.5 * (total + total.T)), moved)

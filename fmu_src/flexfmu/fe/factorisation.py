@@ -345,7 +345,5 @@ def _refuse_what_does_not_fit(unknowns: int, needed: float, advice: str) -> None
     """
     free, whole = free_memory(), needed + 8.0 * _VECTORS * unknowns
     if free is not None and whole > free:
-        raise ModelError(
-            f"factors of {unknowns} unknowns and what follows take {whole / GIGA:.1f} GB of memory, "
-            f"{free / GIGA:.1f} GB are free: {advice}end other programs, or take a coarser mesh"
-        )
+        found = f"factors of {unknowns} unknowns and what follows take {whole / GIGA:.1f} GB of memory"
+        raise ModelError(f"{found}, {free / GIGA:.1f} GB are free: {advice}end other programs, or take a coarser mesh")

@@ -3,7 +3,7 @@
 And what stress does to the gradients of displacements, docs/theory.md sections 1, 4c and 7a.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..files.basics import BoolArray, FloatArray, IntArray, ModelError
-from ..files.outputs import tell_nobody
+from ..files.outputs import Tell, tell_nobody
 from ..mesh.elements import ElementBlock, ElementType
 from ..mesh.model import Mesh, once
 from ..mesh.shapes import LINEAR
@@ -25,7 +25,7 @@ _NUMBERS = 400_000
 _STRIP = 128
 
 
-def _some(mesh: Mesh, pairs: int, tell: Callable[[float], None] = tell_nobody) -> Iterator[Cells]:
+def _some(mesh: Mesh, pairs: int, tell: Tell = tell_nobody) -> Iterator[Cells]:
     """Elements, few at a time: of so many pairs or fields."""
     done = 0
     for some in elastic_cells(mesh, 0, _NUMBERS // pairs):
@@ -66,9 +66,7 @@ def geometric_stiffness(mesh: Mesh, fields: FloatArray, shapes: FloatArray) -> F
     return result
 
 
-def quadratic_strain(
-    mesh: Mesh, shapes: FloatArray, pairs: IntArray, tell: Callable[[float], None]
-) -> tuple[FloatArray, FloatArray]:
+def quadratic_strain(mesh: Mesh, shapes: FloatArray, pairs: IntArray, tell: Tell) -> tuple[FloatArray, FloatArray]:
     """Nodal forces and energies of E_ab = ¼ (G_aᵀ G_b + G_bᵀ G_a), G_a = ∇φ_a, docs/theory.md section 4c.
 
     Parameters
@@ -143,9 +141,7 @@ def own_spin(mesh: Mesh, shape: FloatArray) -> float:
     return fourth / square
 
 
-def turned_stress(
-    mesh: Mesh, shapes: FloatArray, forces: FloatArray, pairs: IntArray, tell: Callable[[float], None]
-) -> FloatArray:
+def turned_stress(mesh: Mesh, shapes: FloatArray, forces: FloatArray, pairs: IntArray, tell: Tell) -> FloatArray:
     """Nodal forces by which stress of one mode flattens what another one curves.
 
     The stress σ_b, turned by ω_a = ½ curl φ_a, is in equilibrium with the nodal forces of mode b turned likewise, but

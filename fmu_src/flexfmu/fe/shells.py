@@ -142,10 +142,8 @@ def _made(mesh: Mesh, block: ElementBlock) -> ShellCells:
     corners = mesh.points[block.connectivity]
     inverse, determinant = jacobians(corners, slope)
     count = len(strains.rows)
-    law, enhanced = (
-        np.zeros((len(corners), count, count)),
-        np.zeros((len(corners), 4 if block.type is ElementType.S4 else 0, count)),
-    )
+    law = np.zeros((len(corners), count, count))
+    enhanced = np.zeros((len(corners), 4 if block.type is ElementType.S4 else 0, count))
     if block.section is not None:
         materials = [mesh.materials[k] for k in block.material]
         if any(material.constants is not None or material.layers for material in materials):
@@ -155,18 +153,9 @@ def _made(mesh: Mesh, block: ElementBlock) -> ShellCells:
     else:
         for chosen, laminate in laminates(mesh, block):
             law[chosen], enhanced[chosen] = _law(block.type, corners[chosen], strains, laminate)
-    return ShellCells(
-        block.connectivity,
-        shape.value(rule.points),
-        slope @ inverse,
-        determinant * rule.weights * block.filling,
-        np.zeros((len(corners), 6, 6)),
-        strains,
-        strains.slope[None],
-        strains.slope @ corners,
-        law,
-        enhanced,
-    )
+    nodes, value, elasticity = block.connectivity, shape.value(rule.points), np.zeros((len(corners), 6, 6))
+    of_cells = nodes, value, slope @ inverse, determinant * rule.weights * block.filling, elasticity
+    return ShellCells(*of_cells, strains, strains.slope[None], strains.slope @ corners, law, enhanced)
 
 
 def face_stress(
@@ -246,18 +235,16 @@ def inner_rule(kind: ElementType) -> Quadrature:
     return wedge_rule(1 if kind is ElementType.S3 else 2, 2)
 
 
-def _law(
-    kind: ElementType, corners: FloatArray, strains: ShellRule, laminate: Laminate
-) -> tuple[FloatArray, FloatArray]:
+def _law(kind: ElementType, nodes: FloatArray, strains: ShellRule, laminate: Laminate) -> tuple[FloatArray, FloatArray]:
     """D (e, r, r), and strains of their own (e, 4 or 0, r), of shells with nodes (e, a, 3)."""
     quad, (rule, layers) = kind is ElementType.S4, laminate.rule(kind.mass)
-    at = Places(kind, corners, strains, rule)
+    at = Places(kind, nodes, strains, rule)
     count = len(strains.rows)
-    softened = _softening(corners) if kind is ElementType.S3 else np.ones(len(corners))
-    law = np.zeros((len(corners), count, count))
-    own, mixed = np.zeros((len(corners), 4, 4)), np.zeros((len(corners), 4, count))
+    softened = _softening(nodes) if kind is ElementType.S3 else np.ones(len(nodes))
+    law = np.zeros((len(nodes), count, count))
+    own, mixed = np.zeros((len(nodes), 4, 4)), np.zeros((len(nodes), 4, count))
     rules = (kind.mass, brick_rule(2)) if kind is ElementType.S8 else ()
-    exact = [Places(kind, corners, strains, one) for one in rules]
+    exact = [Places(kind, nodes, strains, one) for one in rules]
     mean = _patched(*exact) if exact else {}
 
     def patched(q: int) -> FloatArray:

@@ -240,10 +240,8 @@ class SimulationResult:
 
     def __repr__(self) -> str:
         """Name, size and span."""
-        return (
-            f"<SimulationResult of {self.name!r}: {len(self.time)} times from {self.time[0]:g} s to "
-            f"{self.time[-1]:g} s, {len(self.outputs)} outputs such as {self.outputs[0]}>"
-        )
+        span = f"{len(self.time)} times from {self.time[0]:g} s to {self.time[-1]:g} s"
+        return f"<SimulationResult of {self.name!r}: {span}, {len(self.outputs)} outputs such as {self.outputs[0]}>"
 
     def __getitem__(self, output: str) -> FloatArray:
         """Values (n,) of an output by its name."""

@@ -122,14 +122,8 @@ def _units(units: Element, used: set[str | None]) -> None:
 
 def _declared(tag: str, reference: int, variable: Variable) -> Element:
     """What both versions of FMI say of a variable."""
-    element = Element(
-        tag,
-        name=variable.name,
-        valueReference=str(reference),
-        description=variable.description,
-        causality=variable.causality,
-        variability=variable.variability,
-    )
+    told = {key: getattr(variable, key) for key in ("description", "causality", "variability")}
+    element = Element(tag, name=variable.name, valueReference=str(reference), **told)
     if variable.initial is not None:
         element.set("initial", variable.initial)
     return element

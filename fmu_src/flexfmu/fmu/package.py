@@ -103,10 +103,8 @@ def cores_for(
     offered = [path.name for path in _pythonfmu()[1].iterdir()]
     refused = [name for name in platforms if name in PLATFORMS and name not in offered]
     if refused:
-        raise PackagingError(
-            f"platform {', '.join(refused)}: the runtime python is offered for {', '.join(sorted(offered))} only "
-            "(pythonfmu has no other libraries); use the runtime native"
-        )
+        found = f"platform {', '.join(refused)}: the runtime python is offered for {', '.join(sorted(offered))} only"
+        raise PackagingError(f"{found} (pythonfmu has no other libraries); use the runtime native")
     cores = core_binaries(sorted(offered) if "all" in platforms else platforms, report)
     return {name: data for name, data in cores.items() if Path(name).stem in offered}
 

@@ -96,7 +96,7 @@ def simulate(
     settings = _typed(_known(description, "parameter", parameters or {}, fmu), parameters or {})
     outputs = [v.name for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
     start, end, interval = _span(description, loads, step, stop)
-    _tell_doubts(names, loads, end, settings, report)
+    _doubt(names, loads, end, settings, report)
     _check_size(start, end, interval, 1 + len(outputs))
     _tell_passed_over(names, loads, np.arange(start, end + 0.5 * interval, interval), report)
     run = _Run(fmu, outputs, end)
@@ -179,21 +179,17 @@ def _span(
     if stop is None and end == start:
         raise SimulationError(f"the table has rows at one time only, {start:g} s: add a later row, or give --stop")
     if not (math.isfinite(interval) and interval > 0.0 and math.isfinite(end) and end > start):
-        raise SimulationError(
-            f"from {start} s to {end} s in steps of {interval} s: expected a later end and a step > 0 "
-            "(--stop, --step; without them the table's last time and the FMU's own step)"
-        )
+        found = f"from {start} s to {end} s in steps of {interval} s: expected a later end and a step > 0"
+        raise SimulationError(f"{found} (--stop, --step; without them the table's last time and the FMU's own step)")
     if step is not None and interval > end - start:
         found = f"--step is {step:g} s, longer than the run from {start:g} s to {end:g} s: expected a shorter step"
         raise SimulationError(f"{found}; the FMU's own is {float(description.defaultExperiment.stepSize):g} s")
     return start, end, interval
 
 
-def _tell_doubts(
-    names: Sequence[str], loads: FloatArray, end: float, settings: Mapping[str, object], report: Reporter
-) -> None:
+def _doubt(names: Sequence[str], loads: FloatArray, end: float, given: Mapping[str, object], report: Reporter) -> None:
     """Warn of what is allowed, and hardly meant."""
-    tolerance = settings.get(STEP_TOLERANCE, 0.0)
+    tolerance = given.get(STEP_TOLERANCE, 0.0)
     if isinstance(tolerance, int | float) and tolerance >= 1.0:
         report.warning(f"{STEP_TOLERANCE} = {tolerance:g} accepts any error; expected a share below 1, such as 1e-4")
     last = float(loads[-1, 0])

@@ -80,10 +80,8 @@ def linear_body(
     """
     k, m = _matrix(stiffness, "stiffness"), _matrix(mass, "mass")
     if k.shape != m.shape or len(k) < _EACH * len(points) or not points:
-        raise MatrixError(
-            f"stiffness has shape {k.shape} and mass {m.shape}, expected the same of both, with at least "
-            f"{_EACH * len(points)} rows for {len(points)} interfaces"
-        )
+        found = f"stiffness has shape {k.shape} and mass {m.shape}, expected the same of both"
+        raise MatrixError(f"{found}, with at least {_EACH * len(points)} rows for {len(points)} interfaces")
     try:
         squares, shapes = scipy.linalg.eigh(k, m)
     except np.linalg.LinAlgError as error:

@@ -74,10 +74,8 @@ class GivenModes:
             raise GivenModesError(f"{number} modes of {count} nodes, expected at least one mode and one node")
         mass = sp.csr_array(self.mass) if sp.issparse(self.mass) else np.asarray(self.mass, dtype=float)
         if mass.shape not in ((count,), (count, count), (3 * count, 3 * count)):
-            raise GivenModesError(
-                f"mass has shape {mass.shape}, expected ({count},) for lumped masses, or a sparse matrix ({count}, "
-                f"{count}) or ({3 * count}, {3 * count})"
-            )
+            fault = f"mass has shape {mass.shape}, expected ({count},) for lumped masses"
+            raise GivenModesError(f"{fault}, or a sparse matrix ({count}, {count}) or ({3 * count}, {3 * count})")
         values = mass.data if sp.issparse(mass) else mass
         if not np.isfinite(values).all() or np.any((mass if mass.ndim == 1 else mass.diagonal()) < 0.0):
             raise GivenModesError("mass holds values that are not finite, or negative masses of nodes")
@@ -85,10 +83,8 @@ class GivenModes:
             raise GivenModesError("frequency holds negative values, expected Hz, zero for rigid motions")
         sets = {name: np.unique(np.asarray(rows)).astype(np.int64) for name, rows in dict(self.sets).items()}
         cells = {kind: np.asarray(rows, dtype=np.int64) for kind, rows in dict(self.cells).items()}
-        for title, rows in [
-            *((f"set {k!r}", v) for k, v in sets.items()),
-            *((f"cells {k!r}", v) for k, v in cells.items()),
-        ]:
+        named = [(f"set {k!r}", v) for k, v in sets.items()] + [(f"cells {k!r}", v) for k, v in cells.items()]
+        for title, rows in named:
             if rows.size and not 0 <= rows.min() <= rows.max() < count:
                 found = f"{title} has rows {rows.min()} to {rows.max()}, expected 0 to {count - 1}"
                 raise GivenModesError(f"{found}: rows of nodes, counted from zero, not the other program's numbers")
@@ -147,30 +143,21 @@ class GivenModes:
             raise GivenModesError("elements of the mesh have no material: give their density, kg/m³")
         told = [replace(m, density=density or 1.0) if np.isnan(m.density) else m for m in mesh.materials]
         materials = (*told, Material("given", 1.0, 0.0, density or 1.0))
-        blocks = tuple(
-            replace(block, material=np.where(block.material == NO_MATERIAL, len(mesh.materials), block.material))
-            for block in mesh.blocks
-        )
+        rows = [np.where(b.material == NO_MATERIAL, len(mesh.materials), b.material) for b in mesh.blocks]
+        blocks = tuple(replace(block, material=row) for block, row in zip(mesh.blocks, rows, strict=True))
         heavy = replace(mesh, materials=materials, blocks=blocks)
         mass = mass_matrix(heavy)
         cells: dict[str, list[IntArray]] = {}
         for block in mesh.blocks:
             cells.setdefault(block.type.shape.name, []).append(block.connectivity)
-        return cls(
-            mesh.points,
-            np.asarray(modes, dtype=float)[:, there],
-            frequency,
-            mass,
-            mesh.node_sets,
-            {name: np.concatenate(parts) for name, parts in cells.items()},
-        )
+        every = {name: np.concatenate(parts) for name, parts in cells.items()}
+        return cls(mesh.points, np.asarray(modes, dtype=float)[:, there], frequency, mass, mesh.node_sets, every)
 
     def __repr__(self) -> str:
         """Name and size."""
-        return (
-            f"<GivenModes of {self.name!r}: {len(self.modes)} modes of {len(self.nodes)} nodes, "
-            f"{self.frequency[0]:.4g} to {self.frequency[-1]:.4g} Hz; sets {', '.join(self.sets) or 'none'}>"
-        )
+        size = f"{len(self.modes)} modes of {len(self.nodes)} nodes"
+        span = f"{self.frequency[0]:.4g} to {self.frequency[-1]:.4g} Hz"
+        return f"<GivenModes of {self.name!r}: {size}, {span}; sets {', '.join(self.sets) or 'none'}>"
 
     def save(self, path: str | Path) -> Path:
         """Write the modes as .npz or .h5 (docs/given-modes.md).
@@ -299,19 +286,16 @@ def read_given(path: str | Path) -> GivenModes:
             rows, columns, values = (contents[key] for key in sparse[:3])
             mass = sp.csr_array(sp.coo_array((values, (rows, columns)), shape=(size, size)))
         text = {key: str(contents[key]) for key in ("units", "name") if key in contents}
-        return GivenModes(
-            contents["nodes"],
-            contents["modes"],
-            contents["frequency"],
-            mass,
-            {key.removeprefix("set_"): value for key, value in contents.items() if key.startswith("set_")},
-            {key.removeprefix("cells_"): value for key, value in contents.items() if key.startswith("cells_")},
-            contents.get("damping"),
-            UnitSystem(text.get("units", UnitSystem.SI.value)),
-            text.get("name", source.stem),
-        )
+        sets, cells = (_named(contents, prefix) for prefix in ("set_", "cells_"))
+        first = contents["nodes"], contents["modes"], contents["frequency"]
+        rest = contents.get("damping"), UnitSystem(text.get("units", UnitSystem.SI.value))
+        return GivenModes(*first, mass, sets, cells, *rest, text.get("name", source.stem))
     except (ValueError, TypeError, GivenModesError) as error:
         raise GivenModesError(f"{source}: {error}") from error
+
+
+def _named(contents: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    return {key.removeprefix(prefix): value for key, value in contents.items() if key.startswith(prefix)}
 
 
 def _npz(path: Path) -> dict[str, Any]:

@@ -222,10 +222,8 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
 def _variant(spec: BodySpec) -> Variant:
     """Method and mass to start with: frames, unless another is asked for that needs nothing but modes."""
     if spec.formulation.method is None:
-        return Variant(
-            Method.LINEAR if spec.frames == 0 and not spec.free else Method.FRAMES,
-            spec.formulation.mass or Mass.CONSTANT,
-        )
+        method = Method.LINEAR if spec.frames == 0 and not spec.free else Method.FRAMES
+        return Variant(method, spec.formulation.mass or Mass.CONSTANT)
     variant = spec.formulation.variant
     if needs(variant.method, variant.mass):
         raise OptionError(

@@ -137,16 +137,11 @@ def read_description(name: str, file: Path) -> Description:
         kind = "co-simulation" if model.coSimulation is not None else "model exchange only"
         found = f"fmu {name!r}: {file} is FMI {model.fmiVersion}, {kind}"
         raise SimulationError(f"{found}; expected FMI 2.0 for co-simulation: export it so")
-    return Description(
-        name,
-        file,
-        str(model.guid),
-        str(model.coSimulation.modelIdentifier),
-        bool(model.coSimulation.canGetAndSetFMUstate),
-        str(model.generationTool or "").startswith(_OWN),
-        {variable.name: variable for variable in model.modelVariables},
-        {unit.name: unit.baseUnit for unit in model.unitDefinitions},
-    )
+    variables = {variable.name: variable for variable in model.modelVariables}
+    units = {unit.name: unit.baseUnit for unit in model.unitDefinitions}
+    can = str(model.coSimulation.modelIdentifier), bool(model.coSimulation.canGetAndSetFMUstate)
+    own = str(model.generationTool or "").startswith(_OWN)
+    return Description(name, file, str(model.guid), *can, own, variables, units)
 
 
 def split(text: str, descriptions: Mapping[str, Description], wanted: str) -> tuple[Description, str]:

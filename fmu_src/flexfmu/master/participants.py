@@ -242,10 +242,8 @@ class ForeignSlave:
         if not self._late:
             ending = ending or self.worker.ending()
             return SimulationError(f"fmu {self._name!r} ended its process in fmi2{call}: {ending}")
-        return SimulationError(
-            f"fmu {self._name!r} did not come back from fmi2{call} within {self._timeout:g} s and was ended: give "
-            "it longer by experiment.timeout, or look into the FMU"
-        )
+        found = f"fmu {self._name!r} did not come back from fmi2{call} within {self._timeout:g} s and was ended"
+        return SimulationError(f"{found}: give it longer by experiment.timeout, or look into the FMU")
 
     def _hearing(self) -> Generator[None, int, None]:
         """Take what was logged, each time; without lines a signal came.

@@ -13,6 +13,7 @@ from . import layout
 from .config import ConnectionTable, CouplingFile, FmuTable, Scheme, SpringTable, StartValue
 from .layout import Description
 
+Described = Mapping[str, Description]
 Places = Mapping[tuple[str, str], int]
 """Of variables, by FMU and name."""
 
@@ -27,7 +28,7 @@ _JOINTS = str.maketrans("", "", ". *·")
 class Shares:
     """Variables of all FMUs, collected as they are asked for, then put into the order of the FMUs."""
 
-    def __init__(self, descriptions: Mapping[str, Description]):
+    def __init__(self, descriptions: Described):
         self._asked: dict[str, dict[str, None]] = {name: {} for name in descriptions}
 
     def ask(self, fmu: str, variable: str) -> None:
@@ -44,9 +45,7 @@ class Shares:
         return {pair: place for place, pair in enumerate(pairs)}
 
 
-def end_names(
-    springs: list[SpringTable], descriptions: Mapping[str, Description], inputs: Shares, signals: Shares
-) -> tuple[str, ...]:
+def end_names(springs: list[SpringTable], descriptions: Described, inputs: Shares, signals: Shares) -> tuple[str, ...]:
     """Interfaces that springs hold, in the order found; their variables are asked for.
 
     Parameters
@@ -113,9 +112,7 @@ def _group(description: Description, name: str) -> bool:
     return all(f"{name}.{axis}" in description.variables for axis in AXES)
 
 
-def lay_ends(
-    ends: tuple[str, ...], descriptions: Mapping[str, Description], input_place: Places, signal_place: Places
-) -> layout.Ends:
+def lay_ends(ends: tuple[str, ...], descriptions: Described, input_place: Places, signal_place: Places) -> layout.Ends:
     """Places of the ends' variables.
 
     Parameters
@@ -135,18 +132,12 @@ def lay_ends(
     def places(place: Places, quantities: Sequence[str]) -> IntArray:
         return np.array([_places(place, text, quantities) for text in ends], dtype=np.int64).reshape(len(ends), 6)
 
-    return layout.Ends(
-        ends,
-        np.array([order.index(text.partition(".")[0]) for text in ends], dtype=np.int64),
-        places(signal_place, _MOTION),
-        places(signal_place, _RATES),
-        places(input_place, _LOADS),
-    )
+    roles = np.array([order.index(text.partition(".")[0]) for text in ends], dtype=np.int64)
+    signals = places(signal_place, _MOTION), places(signal_place, _RATES)
+    return layout.Ends(ends, roles, *signals, places(input_place, _LOADS))
 
 
-def lay_responses(
-    descriptions: Mapping[str, Description], fed_place: Places, signal_place: Places
-) -> tuple[layout.EndResponse, ...]:
+def lay_responses(descriptions: Described, fed_place: Places, signal_place: Places) -> tuple[layout.EndResponse, ...]:
     """Compliance that FMUs offer of interfaces whose motion the coupling reads to those that it loads.
 
     Parameters
@@ -280,18 +271,13 @@ def _fed(rows: FloatArray, places: list[int]) -> layout.SignalTable:
     return layout.SignalTable(rows[:, 0], rows[:, 1:], np.array(places, dtype=np.int64))
 
 
-def _roles(
-    descriptions: Mapping[str, Description],
-    starts: Mapping[str, Mapping[str, StartValue]],
-    inputs: Shares,
-    signals: Shares,
-) -> list[layout.Role]:
+def _roles(descriptions: Described, starts: Mapping[str, Mapping[str, StartValue]], *both: Shares) -> list[layout.Role]:
     roles: list[layout.Role] = []
     first_input = first_signal = 0
     for name, description in descriptions.items():
         references = [
             tuple(int(description.variables[variable].valueReference) for variable in shares.of(name))
-            for shares in (inputs, signals)
+            for shares in both
         ]
         roles.append(layout.Role(description, starts[name], references[0], references[1], first_input, first_signal))
         first_input += len(references[0])
@@ -328,9 +314,7 @@ def _table(description: Description, fmu: FmuTable, inputs: Shares) -> tuple[lis
     return names, rows
 
 
-def _link(
-    number: int, link: ConnectionTable, descriptions: Mapping[str, Description]
-) -> tuple[Description, str, Description, str]:
+def _link(number: int, link: ConnectionTable, descriptions: Described) -> tuple[Description, str, Description, str]:
     """A connection's ends, checked."""
     key = f"connection {number}"
     source, output = layout.split(link.source, descriptions, f"{key}, from")
@@ -359,7 +343,7 @@ def _check_fed_once(linked: list[tuple[str, str]], tabled: Mapping[tuple[str, st
             raise SimulationError(f"{found}; an input takes a table or connections: remove one of them")
 
 
-def _check_states(descriptions: Mapping[str, Description], coupled: set[str]) -> None:
+def _check_states(descriptions: Described, coupled: set[str]) -> None:
     """Iterations repeat a step: every coupled FMU must save its state."""
     for name, description in descriptions.items():
         if name in coupled and not description.saves_state:
@@ -375,7 +359,7 @@ def _base(description: Description, name: str, start: Mapping[str, StartValue]) 
     return 0.0 if value is None else float(value)
 
 
-def _kinds(descriptions: Mapping[str, Description], input_place: Places, ends: layout.Ends) -> IntArray:
+def _kinds(descriptions: Described, input_place: Places, ends: layout.Ends) -> IntArray:
     """Number of each input's kind: those of one unit, and all loads of springs, N and N m alike."""
     kinds: dict[str, int] = {"load": 0}
     result = [kinds.setdefault(descriptions[fmu].unit(name) or "", len(kinds)) for fmu, name in input_place]
@@ -384,7 +368,7 @@ def _kinds(descriptions: Mapping[str, Description], input_place: Places, ends: l
     return found
 
 
-def _recorded(variables: list[str] | None, descriptions: Mapping[str, Description]) -> tuple[layout.Recorded, ...]:
+def _recorded(variables: list[str] | None, descriptions: Described) -> tuple[layout.Recorded, ...]:
     """Variables of the results; without a choice all Real outputs."""
     order = list(descriptions)
     if variables is None:

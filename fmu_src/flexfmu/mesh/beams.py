@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from ..files.basics import BoolArray, FloatArray, IntArray, MeshError, listed
 from .elements import ElementBlock
-from .equations import RigidLink, matrix_of, merged
+from .equations import RigidLink, Row, matrix_of, merged
 from .model import Mesh, hung
 from .shapes import BRICK
 
@@ -399,7 +399,7 @@ def _sections(
 
 def _supports(
     fixed: BoolArray, turning: BoolArray, uses: _Uses, nodes: IntArray, corners: IntArray, half: FloatArray, count: int
-) -> tuple[BoolArray, list[dict[int, float]]]:
+) -> tuple[BoolArray, list[Row]]:
     """Translations (count, 3) held at zero, and equations for what is held of beams' nodes (k,) otherwise."""
     held, rows = np.zeros((count, 3), dtype=bool), []
     for node, own, (one, two) in zip(nodes.tolist(), corners.tolist(), half, strict=True):

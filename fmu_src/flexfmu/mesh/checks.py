@@ -320,10 +320,8 @@ def _material_doubt(material: Material, units: UnitSystem) -> tuple[str, str] | 
     if _solid(modulus, density):
         return None
     stress_name, density_name = units.stress_name, units.density_name
-    fault = (
-        f"material {material.name!r} has Young's modulus {modulus / units.stress:.6g} {stress_name} and "
-        f"density {density / units.density:.6g} {density_name}"
-    )
+    given = f"Young's modulus {modulus / units.stress:.6g} {stress_name} and density {density / units.density:.6g}"
+    fault = f"material {material.name!r} has {given} {density_name}"
     if units is not UnitSystem.SI:
         fault += f" ({modulus:.3g} N/m², {density:.3g} kg/m³)"
     causes = []

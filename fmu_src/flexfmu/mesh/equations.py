@@ -30,7 +30,7 @@ MIDDLE = np.repeat([-0.25, 0.5], 4)
 """Shares of corners and mid-sides of a quadratic face in its middle."""
 
 
-def middles(faces: IntArray, nodes: IntArray) -> list[dict[int, float]]:
+def middles(faces: IntArray, nodes: IntArray) -> list[Row]:
     """Equations of nodes (k,) in the middle of quadratic faces (k, 8), as of `matrix_of`."""
     share = (-MIDDLE).tolist()
     return [
@@ -315,13 +315,16 @@ def simplex(points: FloatArray, nodes: IntArray) -> tuple[IntArray, FloatArray]:
     return nodes[chosen], np.concatenate([-slope.sum(axis=0, keepdims=True), slope])
 
 
-def followers(points: FloatArray, nodes: IntArray, masters: IntArray, gradient: FloatArray) -> list[dict[int, float]]:
+def moved_by(node: int, weights: Mapping[int, float]) -> list[Row]:
+    """Three equations by which a node moves as a sum of others by their weights."""
+    return [{3 * node + i: -1.0} | {3 * other + i: part for other, part in weights.items()} for i in range(3)]
+
+
+def followers(points: FloatArray, nodes: IntArray, masters: IntArray, gradient: FloatArray) -> list[Row]:
     """Equations by which nodes follow masters affinely."""
     share = (points[nodes] - points[masters[0]]) @ gradient.T
     share[:, 0] += 1.0
-    return [
-        {3 * int(node) + axis: -1.0}
-        | {3 * int(master) + axis: float(part) for master, part in zip(masters, own, strict=True) if part}
-        for node, own in zip(nodes, share, strict=True)
-        for axis in range(3)
-    ]
+    found: list[Row] = []
+    for node, own in zip(nodes.tolist(), share.tolist(), strict=True):
+        found += moved_by(node, {master: part for master, part in zip(masters.tolist(), own, strict=True) if part})
+    return found

@@ -437,10 +437,8 @@ def _shell_blocks(
             )
         for place, rows in groups[name].items():
             if cells[place].type not in SHELLS:
-                raise MeshError(
-                    f"{title}: set {name!r} holds cells of the kind {cells[place].type}, shells are made of "
-                    f"{', '.join(SHELLS)}; mesh this part with these"
-                )
+                fault = f"{title}: set {name!r} holds cells of the kind {cells[place].type}"
+                raise MeshError(f"{fault}, shells are made of {', '.join(SHELLS)}; mesh this part with these")
             heights.setdefault(place, np.full((len(cells[place].data), 2), np.nan))[rows] = faces
     blocks, found, positions = [], [np.zeros((0, MOST_NODES, 2))], {}
     for place in sorted(heights):

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from ..files.basics import BoolArray, FloatArray, IntArray, MeshError
 from .elements import ElementBlock, ElementType
-from .equations import MIDDLE, RigidLink, matrix_of, middles
+from .equations import MIDDLE, RigidLink, Row, matrix_of, middles, moved_by
 from .model import NO_MATERIAL, Mesh, hung
 from .shapes import FACE_SHAPES
 from .ties import EdgeTie, OfShell, ShellTie, tie_rows
@@ -323,9 +323,7 @@ def _groups(normals: FloatArray, heights: FloatArray) -> list[tuple[FloatArray, 
     return found
 
 
-def _supports(
-    mesh: Mesh, turning: BoolArray, lines: _Lines, row: IntArray, count: int
-) -> tuple[BoolArray, list[dict[int, float]]]:
+def _supports(mesh: Mesh, turning: BoolArray, lines: _Lines, row: IntArray, count: int) -> tuple[BoolArray, list[Row]]:
     """Translations (count, 3) held at zero, and equations for what is held of lines otherwise.
 
     A line n turns by ω × n; held rotations leave it the directions of the free ones, and its length.
@@ -363,19 +361,18 @@ def _beside(directions: FloatArray) -> FloatArray:
     return axes[int(np.sum(sizes > _NOTHING)) :]
 
 
-def _joined(lines: _Lines, row: IntArray) -> list[dict[int, float]]:
+def _joined(lines: _Lines, row: IntArray) -> list[Row]:
     """Equations by which nodes of solids move with the line of the shells that share them; knots hold several."""
     node, count = np.unique(lines.node, return_counts=True)
     alone = np.isin(lines.node, node[count == 1]) & (row[lines.node] >= 0)
     held = row[lines.node[alone]].tolist(), lines.ends[alone].tolist(), lines.share[alone].tolist()
-    return [
-        {3 * place + axis: -1.0} | {3 * end + axis: part for end, part in zip(ends, share, strict=True)}
-        for place, ends, share in zip(*held, strict=True)
-        for axis in range(3)
-    ]
+    found: list[Row] = []
+    for place, ends, share in zip(*held, strict=True):
+        found += moved_by(place, dict(zip(ends, share, strict=True)))
+    return found
 
 
-def _tied(ties: Sequence[OfShell], points: FloatArray, lines: _Lines, row: IntArray) -> list[dict[int, float]]:
+def _tied(ties: Sequence[OfShell], points: FloatArray, lines: _Lines, row: IntArray) -> list[Row]:
     """Equations of ties to shells."""
 
     def through(node: int) -> IntArray:

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from ..files.basics import FloatArray, IntArray, MeshError
 from .elements import face_corners
+from .equations import Row, moved_by
 from .shapes import FACE_SHAPES
 
 # Rounds and step, in a face's own coordinates, with which the nearest place on it is found.
@@ -110,7 +111,7 @@ OfShell = ShellTie | EdgeTie
 
 def tie_rows(
     ties: Sequence[OfShell], points: FloatArray, own: Callable[[int], IntArray], lines: Callable[[int], IntArray]
-) -> list[dict[int, float]]:
+) -> list[Row]:
     """Equations by which points are carried.
 
     Beside the node's own place a point follows the turn of the shell's lines there, not the slope of its middle: of a
@@ -132,7 +133,7 @@ def tie_rows(
     list of dict of int to float
         By unknowns.
     """
-    found: list[dict[int, float]] = []
+    found: list[Row] = []
     for tie in ties:
         if isinstance(tie, EdgeTie):
             found += _held(own(tie.node), tie.faces, points)
@@ -145,7 +146,7 @@ def tie_rows(
     return found
 
 
-def _held(rows: IntArray, faces: Sequence[IntArray], points: FloatArray) -> Iterator[dict[int, float]]:
+def _held(rows: IntArray, faces: Sequence[IntArray], points: FloatArray) -> Iterator[Row]:
     """Three equations of each point of a line through a shell's thickness by faces of solids."""
     middle = points[rows].mean(axis=0)
     for row, one in nearest_faces(points, rows, faces, np.inf).items():
@@ -154,16 +155,13 @@ def _held(rows: IntArray, faces: Sequence[IntArray], points: FloatArray) -> Iter
         if abs(beside @ half) > 2.0 * _BESIDE * (half @ half):
             found = f"a shell's edge at {np.array2string(middle, precision=4)} m is thicker than the faces that hold it"
             raise MeshError(f"{found}: name all faces of the solid there")
-        for axis in range(3):
-            yield {3 * row + axis: -1.0} | {3 * node + axis: part for node, part in weights.items()}
+        yield from moved_by(row, weights)
 
 
-def _carried(
-    row: int, ends: IntArray, points: FloatArray, middle: FloatArray, corners: int
-) -> Iterator[dict[int, float]]:
-    """Three equations of a point by the ends (a, 2) of a shell's lines; `middle` is where its node is."""
+def _carried(row: int, ends: IntArray, points: FloatArray, mid: FloatArray, corners: int) -> Iterator[Row]:
+    """Three equations of a point by the ends (a, 2) of a shell's lines; `mid` is where its node is."""
     there = points[ends]
-    here, _ = _place(middle, there, corners)
+    here, _ = _place(mid, there, corners)
     value, share = _place(points[row], there, corners)
     sides = np.array([1.0 - share, share])
     thick = np.linalg.norm(there[:, 1] - there[:, 0], axis=1)

@@ -176,14 +176,12 @@ class MassPolynomial:
         settle(self, ARRAYS["polynomial"], {"m": self.linear.shape[-1]}, "polynomial")
 
 
-def without_frames(inertia: LumpedMass, turn: FloatArray, gone: int) -> LumpedMass:
-    """The mass of the same body in another basis, the first frames taken away; curvature is left to be set.
+def without_frames(inertia: LumpedMass, gone: int) -> LumpedMass:
+    """The mass of the same body, the first frames taken away.
 
     Parameters
     ----------
     inertia : LumpedMass
-    turn : (m, k) float
-        New modes as combinations of the old ones.
     gone : int
         Number of frames that are taken away. What they carry moves linearly from then on, with constant mass.
 
@@ -192,11 +190,6 @@ def without_frames(inertia: LumpedMass, turn: FloatArray, gone: int) -> LumpedMa
     LumpedMass
     """
     kept = inertia.frame >= gone
-    return LumpedMass(
-        inertia.frame[kept] - gone,
-        inertia.mass[kept],
-        inertia.point[kept],
-        inertia.displacement[kept] @ turn,
-        inertia.turning[gone:],
-        inertia.sweep[gone:] @ turn,
-    )
+    curvature = None if inertia.curvature is None else inertia.curvature[kept]
+    lumps = inertia.mass[kept], inertia.point[kept], inertia.displacement[kept]
+    return LumpedMass(inertia.frame[kept] - gone, *lumps, inertia.turning[gone:], inertia.sweep[gone:], curvature)

@@ -265,10 +265,8 @@ def conflict(variant: Variant, free: bool, cut: bool) -> str | None:
     """
     name, needed = variant.method.value, needs(variant.method, variant.mass)
     if free and Data.BY_LOAD in needed:
-        return (
-            f'method "{name}" needs the stress of each load by itself, and a free body has none: what balances the '
-            f'load is not known before; take "{Method.SECOND_ORDER.value}"'
-        )
+        found = f'method "{name}" needs the stress of each load by itself, and a free body has none'
+        return f'{found}: what balances the load is not known before; take "{Method.SECOND_ORDER.value}"'
     if cut and needed & {Data.BY_LOAD, Data.BY_MODE}:
         return f'[[cut]] goes without geometric stiffness, which method "{name}" needs: it knows bodies in one piece'
     if cut and variant.mass is not Mass.CONSTANT:

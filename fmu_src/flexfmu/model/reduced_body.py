@@ -394,9 +394,9 @@ class ReducedBody:
 
     def __repr__(self) -> str:
         """Name and size."""
+        interfaces = ", ".join(self.interface_names)
         return (
-            f"<ReducedBody {self.name!r}: {self.mode_count} modes, {self.frame_count} frames, interfaces "
-            f"{', '.join(self.interface_names)}>"
+            f"<ReducedBody {self.name!r}: {self.mode_count} modes, {self.frame_count} frames, interfaces {interfaces}>"
         )
 
     @property

@@ -132,53 +132,15 @@ def product(first: FloatArray, second: FloatArray) -> FloatArray:
     return half + np.swapaxes(half, -1, -2)
 
 
-def relative_curvature(
-    displacement: FloatArray,
-    rotation: FloatArray,
-    parent_turn: FloatArray,
-    turn: FloatArray,
-    offset: FloatArray,
-    change: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Second derivatives of a node's offset and relative rotation in its parent's frame.
-
-    Parameters
-    ----------
-    displacement : (K, 3, m, m) float
-        Second derivatives of the node's displacement less that of its parent's joint.
-    rotation : (2, K, 3, m, m) float
-        Second derivatives of rotation vectors: the node's, then its parent's.
-    parent_turn, turn : (K, 3, m) float
-        Linear rotations of the parent and of the node.
-    offset : (K, 3) float
-        From the parent's joint to the node, m.
-    change : (K, 3, m) float
-        What is left of the node's linear displacement in the parent's frame.
-
-    Returns
-    -------
-    offset, rotation : (K, 3, m, m) float
-    """
-    own, parent = rotation
-    d = displacement + np.einsum("kij,kjab->kiab", skew(offset), parent)
-    d -= product(parent_turn, change) + 0.5 * product(parent_turn, -skew(offset) @ parent_turn)
-    return d, own - parent - 0.5 * product(parent_turn, turn)
-
-
 def from_ground(
-    displacement: FloatArray,
-    rotation: FloatArray,
-    reference: FloatArray,
-    arm: FloatArray,
-    change: FloatArray,
-    turn: FloatArray,
+    seen: tuple[FloatArray, FloatArray], reference: FloatArray, arm: FloatArray, change: FloatArray, turn: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Second derivatives of motions seen from the ground, of those seen from a reference that turns.
 
     Parameters
     ----------
-    displacement, rotation : (K, 3, m, m) float
-        Second derivatives seen from the reference.
+    seen : pair of (K, 3, m, m) float
+        Second derivatives of displacements and rotation vectors, seen from the reference.
     reference : (3, m) float
         Its linear rotation.
     arm : (K, 3) float
@@ -192,6 +154,7 @@ def from_ground(
     -------
     displacement, rotation : (K, 3, m, m) float
     """
+    displacement, rotation = seen
     whole = np.broadcast_to(reference, turn.shape)
     d = displacement + product(whole, change) + 0.5 * product(whole, -skew(arm) @ reference)
     return d, rotation + 0.5 * product(whole, turn)

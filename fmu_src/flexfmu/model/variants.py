@@ -19,7 +19,7 @@ from ..files.basics import FloatArray, OptionError
 from .arrays import ARRAYS, turned
 from .inertia import without_frames
 from .methods import ASKED_BY, Data, FrameLayout, Mass, Method, Variant, has_frames, masses_of, named, needs, recipe_of
-from .reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, Surface, WholeFrame
+from .reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, Surface
 from .rotations import from_ground, skew
 
 
@@ -137,11 +137,11 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     turn, squares = _remaining_modes(rows, body.angular_frequency)
     # Each ratio by its share of the strain energy: one ratio for all modes stays what it is.
     share = turn**2 * body.angular_frequency[:, None] ** 2 / squares
-    gone = int(body.floating)
-    shapes = turned(body, [entry for entry in ARRAYS["body"] if entry.shape != "m"], turn)
-    of_frames = {entry.name: getattr(body, entry.name) for entry in ARRAYS["body"] if entry.shape.split()[0] == "S"}
-    kept = {name: shapes.get(name, value)[gone:] for name, value in of_frames.items()}
-    kept["frame_parent"] = np.maximum(kept["frame_parent"] - gone, GROUND)
+    gone, found = int(body.floating), turned_parts(body, turn)
+    for name in (entry.name for entry in ARRAYS["body"] if entry.shape.split()[0] == "S"):
+        found[name] = found.get(name, getattr(body, name))[gone:]
+    found["frame_parent"] = np.maximum(found["frame_parent"] - gone, GROUND)
+    found |= _parts_fixed(body, found, turn) | {"polynomial": None}
     return replace(
         body,
         angular_frequency=np.sqrt(squares),
@@ -149,13 +149,22 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
         interface_frame=np.maximum(body.interface_frame - gone, GROUND),
         frequency_spread=None,
         watched_frame=None if body.watched_frame is None else np.maximum(body.watched_frame - gone, GROUND),
-        stress_sets=tuple(replace(part, stress=part.stress @ turn) for part in body.stress_sets),
         root_interface=GROUND,
         floating=False,
-        polynomial=None,
+        membrane=body.membrane and body.membrane.turned(turn, squares),
         shadow=_shadow_fixed(body, names, turn),
-        **(shapes | kept | _parts_fixed(body, turn, squares)),
+        **found,
     )
+
+
+def turned_parts(body: ReducedBody, turn: FloatArray) -> dict[str, Any]:
+    """Arrays and parts of a body in coordinates z with q = turn @ z, but frequencies, membrane and shadow, by name."""
+    found = turned(body, [entry for entry in ARRAYS["body"] if entry.shape != "m"], turn)
+    for name in ("whole", "masses", "ties", "inertia", "polynomial", "second"):
+        part = getattr(body, name)
+        found[name] = part and replace(part, **turned(part, ARRAYS[name], turn))
+    found["stress_sets"] = tuple(replace(part, **turned(part, ARRAYS["stress"], turn)) for part in body.stress_sets)
+    return found | {"surface": body.surface and body.surface.in_coordinates(turn)}
 
 
 def _motions(body: ReducedBody, names: Collection[str]) -> FloatArray:
@@ -188,37 +197,22 @@ def _check_names(body: ReducedBody, names: Collection[str], method: Method) -> N
         raise OptionError(f'{found}; set root in the body file, or take method "linear"')
 
 
-def _parts_fixed(body: ReducedBody, turn: FloatArray, squares: FloatArray) -> dict[str, Any]:
-    """What the body holds besides its own arrays, in the coordinates that are left."""
-    gone = int(body.floating)
-    whole, masses, surface, inertia, second = body.whole, body.masses, body.surface, body.inertia, body.second
-    if whole is not None:
-        whole = replace(whole, **turned(whole, ARRAYS["whole"], turn))
+def _parts_fixed(body: ReducedBody, found: dict[str, Any], turn: FloatArray) -> dict[str, Any]:
+    """Those of the turned parts that frames carry or that move at second order, without the floating frame."""
+    gone, second, curvature = int(body.floating), body.second, None
+    masses, surface, inertia = found["masses"], body.surface, found["inertia"]
     if masses is not None:
-        masses = replace(
-            masses, **turned(masses, ARRAYS["masses"], turn), frame=np.maximum(masses.frame - gone, GROUND)
-        )
+        masses = replace(masses, frame=np.maximum(masses.frame - gone, GROUND))
     if surface is not None:
         surface = _surface_fixed(body, surface, turn, gone)
-    if inertia is not None:
-        inertia = without_frames(inertia, turn, gone)
     if second is not None:
-        second, curvature = _second_order_fixed(body, second, turn)
-        if inertia is not None and curvature is not None and body.inertia is not None:
-            inertia = replace(inertia, curvature=curvature[body.inertia.frame >= gone])
-    return {
-        "whole": whole,
-        "masses": masses,
-        "surface": surface,
-        "inertia": inertia,
-        "second": second,
-        "membrane": None if body.membrane is None else body.membrane.turned(turn, squares),
-    }
+        second, curvature = _second_fixed(body, second, turn)
+    if inertia is not None:
+        inertia = without_frames(replace(inertia, curvature=curvature), gone)
+    return {"masses": masses, "surface": surface, "inertia": inertia, "second": second}
 
 
-def _second_order_fixed(
-    body: ReducedBody, second: SecondOrder, turn: FloatArray
-) -> tuple[SecondOrder, FloatArray | None]:
+def _second_fixed(body: ReducedBody, second: SecondOrder, turn: FloatArray) -> tuple[SecondOrder, FloatArray | None]:
     """The same motions moved as one so that the root interface stays where it is, seen from the ground, and lumps'."""
     gone, root = int(body.floating), body.frame_count + body.root_interface
     lumps = None if body.inertia is None else body.inertia.curvature
@@ -236,9 +230,8 @@ def _second_order_fixed(
     if body.floating:
         reference = body.frame_rotation[0] @ turn
         change = np.concatenate(moved) @ turn + skew(arm) @ reference
-        displacement, rotation = from_ground(
-            displacement, rotation, reference, arm, change, np.concatenate(angles) @ turn
-        )
+        turns = np.concatenate(angles) @ turn
+        displacement, rotation = from_ground((displacement, rotation), reference, arm, change, turns)
     nodes = len(second.displacement)
     return SecondOrder(displacement[gone:nodes], rotation[gone:nodes]), None if lumps is None else displacement[nodes:]
 
@@ -310,14 +303,13 @@ def with_frame_layout(body: ReducedBody, method: Method) -> ReducedBody:
 
 def _as_one(body: ReducedBody) -> ReducedBody:
     """The body on one frame: its floating frame, or that of the whole body about its supports."""
-    name, whole = "whole", body.whole
+    names = [entry.name for entry in ARRAYS["whole"]]
     if body.floating:
-        name = body.frame_names[0]
-        whole = WholeFrame(
-            body.joint_point[0], body.joint_displacement[0], body.joint_rotation[0], body.frame_rotation[0]
-        )
-    if whole is None:
+        frame = {name: getattr(body, name)[:1] for name in names}
+    elif body.whole is None:
         raise OptionError("the method needs the whole body's frame, which this modal file does not hold")
+    else:
+        frame = {name: getattr(body.whole, name)[None] for name in names}
     masses, surface = body.masses, body.surface
     if masses is not None:
         masses = replace(masses, frame=np.zeros_like(masses.frame))
@@ -325,16 +317,13 @@ def _as_one(body: ReducedBody) -> ReducedBody:
         surface = replace(surface, frame=np.zeros_like(surface.frame))
     return replace(
         body,
-        frame_names=(name,),
+        frame_names=(body.frame_names[0] if body.floating else "whole",),
         frame_parent=np.array([GROUND]),
-        joint_point=whole.joint_point[None],
-        joint_displacement=whole.joint_displacement[None],
-        joint_rotation=whole.joint_rotation[None],
-        frame_rotation=whole.frame_rotation[None],
         interface_frame=np.zeros_like(body.interface_frame),
         masses=masses,
         surface=surface,
         inertia=None,
         second=None,
         membrane=None,
+        **frame,
     )

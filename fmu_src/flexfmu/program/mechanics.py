@@ -153,15 +153,8 @@ def _put_nodes(draft: Draft, body: ReducedBody, tree: Tree) -> None:
     """The tree of frames."""
     names = [*body.interface_names, *body.frame_names[: tree.frames], *input_names(body)]
     draft.sizes |= {"frames": tree.frames, "interfaces": body.interface_count}
-    draft.arrays |= {
-        "parent": tree.parent,
-        "point": tree.point,
-        "offset": tree.offset,
-        "base": tree.base,
-        "operator_": tree.operator,
-        "names": texts(*names),
-        "guid": texts(""),
-    }
+    draft.arrays |= {name: getattr(tree, name) for name in ("parent", "point", "offset", "base")}
+    draft.arrays |= {"operator_": tree.operator, "names": texts(*names), "guid": texts("")}
 
 
 def _put_loads(draft: Draft, body: ReducedBody) -> None:

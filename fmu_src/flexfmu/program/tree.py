@@ -21,7 +21,7 @@ from ..model.arrays import is_single
 from ..model.inertia import LumpedMass, Membrane
 from ..model.methods import Kinematics
 from ..model.reduced_body import GROUND, ReducedBody
-from ..model.rotations import relative_curvature, skew
+from ..model.rotations import product, skew
 
 # Share of the averaged rotation by which displacements turn where positions do not.
 _TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}
@@ -178,8 +178,11 @@ def _curvature(
         d[0], c[0] = 0.0, 0.0
     hung = np.flatnonzero(parent >= 0)
     p = parent[hung]
-    bent, ends = displacement[hung] - displacement[p], np.stack([turned[hung], turned[p]])
-    d[hung], c[hung] = relative_curvature(bent, ends, turn[p], turn[hung], offset[hung], change[hung])
+    # In the parent's frame: from its joint, and less what its own turn does.
+    down, arm = turn[p], skew(offset[hung])
+    d[hung] = displacement[hung] - displacement[p] + np.einsum("kij,kjab->kiab", arm, turned[p])
+    d[hung] -= product(down, change[hung]) + 0.5 * product(down, -arm @ down)
+    c[hung] = turned[hung] - turned[p] - 0.5 * product(down, turn[hung])
     return np.concatenate([d.reshape(-1, *d.shape[2:]), c.reshape(-1, *c.shape[2:])])
 
 

@@ -13,7 +13,7 @@ A basis without K⁻¹d and K⁻¹g answers too stiffly: it locks where the body
 
 from collections.abc import Callable, Iterator
 from copy import copy
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations_with_replacement, permutations, zip_longest
 
 import numpy as np
@@ -248,11 +248,8 @@ _TURN, _OWN_TURN = 0.5, 0.6
 
 def with_third_order(matrices: Matrices, modes: Modes, modes_key: str, loads: FloatArray) -> tuple[Modes, str]:
     """A basis with the shapes of second and third order that it lacks most, and its key; parameters as below."""
-    forces = matrices.kept(
-        content_key(__name__, modes_key, loads),
-        "static shapes of third order",
-        lambda: third_order_loads(matrices, modes, loads, _LEAST, _MOST),
-    )
+    make = partial(third_order_loads, matrices, modes, loads, _LEAST, _MOST)
+    forces = matrices.kept(content_key(__name__, modes_key, loads), "static shapes of third order", make)
     return completed_basis(matrices, modes, modes_key, forces)
 
 

@@ -325,19 +325,10 @@ def made_body(use: BodyUse, **given: Any) -> ReducedBody:
 
 def used_body(body: ReducedBody, use: BodyUse) -> ReducedBody:
     """The body with another use; parameters as of `made_body`."""
-    return replace(
-        body,
-        name=use.name,
-        damping_ratio=_damping(use.damping, body.angular_frequency, body.rigid_count),
-        method=use.variant.method,
-        mass=use.variant.mass,
-        velocity_outputs=use.velocities,
-        compliance_interfaces=use.compliance,
-        following_interfaces=use.follows,
-        tolerance=use.tolerance,
-        provenance=dict(use.provenance),
-        properties=use.properties,
-    )
+    given = {field.name: getattr(use, field.name) for field in fields(use)}
+    variant, damping = given.pop("variant"), given.pop("damping")
+    given |= {"method": variant.method, "mass": variant.mass, "provenance": dict(use.provenance)}
+    return replace(body, damping_ratio=_damping(damping, body.angular_frequency, body.rigid_count), **given)
 
 
 def linear_use(name: str, damping: float | FloatArray, provenance: Mapping[str, str]) -> BodyUse:

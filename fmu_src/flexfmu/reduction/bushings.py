@@ -196,10 +196,8 @@ class Bushings:
         count = 6 * len(self.readings)
         if not count:
             return sp.csr_array((0, self.size))
-        values = [
-            (np.sqrt(getattr(one.spring, name))[:, None] * own)
-            for one, own in zip(self.readings, self.linear, strict=True)
-        ]
+        readings = zip(self.readings, self.linear, strict=True)
+        values = [np.sqrt(getattr(one.spring, name))[:, None] * own for one, own in readings]
         columns = [np.tile(one.columns, 6) for one in self.readings]
         starts = np.cumsum([0, *(one.columns.size for one in self.readings for _ in range(6))])
         whole = (np.concatenate([own.ravel() for own in values]), np.concatenate(columns), starts)

@@ -199,13 +199,9 @@ def _divided(
 ) -> Division:
     """Sub-domains of the connected pieces of each level (e,), slivers against a depth (m) joined."""
     _, piece = connected_components(link.multiply(equal_labels(link, level)), directed=False)
-    reach = np.concatenate(
-        [
-            np.stack([distance[b.connectivity].min(axis=1), distance[b.connectivity].max(axis=1)], axis=1)
-            for b in mesh.blocks
-        ]
-    )
-    piece = _merge_slivers(piece.astype(np.int64), link, reach, mesh.volumes, depth)
+    away = [distance[block.connectivity] for block in mesh.blocks]
+    reach = np.concatenate([np.stack([one.min(axis=1), one.max(axis=1)], axis=1) for one in away])
+    piece = _merge_thin(piece.astype(np.int64), link, reach, mesh.volumes, depth)
     return _tree(mesh, supported, piece, _middle(mesh, distance), link)
 
 
@@ -262,9 +258,7 @@ def equal_labels(link: sp.csr_array, label: IntArray) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((np.ones(int(keep.sum())), (pairs.row[keep], pairs.col[keep])), shape=link.shape))
 
 
-def _merge_slivers(
-    piece: IntArray, link: sp.csr_array, reach: FloatArray, volume: FloatArray, depth: float
-) -> IntArray:
+def _merge_thin(piece: IntArray, link: sp.csr_array, reach: FloatArray, volume: FloatArray, depth: float) -> IntArray:
     """Join each piece that is a sliver to the neighbour with which it shares the largest section, the shortest first.
 
     `reach` (e, 2) is the smallest and largest distance of each element's nodes, `volume` (e,) is in m³.

@@ -102,11 +102,8 @@ def mass_centres(mesh: Mesh, subdomains: Sequence[Subdomain]) -> tuple[FloatArra
     centres = [Centre.mean(mesh.points, row) for row in share[kept] / mass[kept, None]]
     centres += [hung_centre(mesh.points, one) for one in mesh.masses]
     frames = [carrying_frame(subdomains, one.nodes) for one in mesh.masses]
-    return (
-        np.append(mass[kept], [one.mass for one in mesh.masses]),
-        np.append(frame[kept], frames).astype(np.int64),
-        centres,
-    )
+    every = np.append(mass[kept], [one.mass for one in mesh.masses])
+    return every, np.append(frame[kept], frames).astype(np.int64), centres
 
 
 def _shares(mesh: Mesh, subdomains: Sequence[Subdomain]) -> FloatArray:
@@ -140,10 +137,8 @@ def element_lumps(mesh: Mesh, subdomains: Sequence[Subdomain]) -> list[tuple[int
         By frame; what lies on no frame has none.
     """
     density = np.array([material.density for material in mesh.materials])
-    nodal = [
-        density[block.material][:, None] * matrices.sum(axis=2)
-        for block, matrices in zip(mesh.blocks, mesh.volume_matrices, strict=True)
-    ]
+    pairs = zip(mesh.blocks, mesh.volume_matrices, strict=True)
+    nodal = [density[block.material][:, None] * matrices.sum(axis=2) for block, matrices in pairs]
     places = [mesh.points[block.connectivity] for block in mesh.blocks]
     mass = np.concatenate([part.sum(axis=1) for part in nodal])
     centre = np.concatenate([np.einsum("en,eni->ei", *both) for both in zip(nodal, places, strict=True)])

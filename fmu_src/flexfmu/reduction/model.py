@@ -364,10 +364,8 @@ def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, hel
     found = found @ mixed[moved > _FREE].T
     inside: FloatArray = found.reshape(count, 3, -1)[nodes].reshape(whole.shape[0], -1)
     if found.shape[1] and np.linalg.matrix_rank(np.hstack([inside, whole])) > whole.shape[1]:
-        raise ModelError(
-            f"equations of the mesh file (*TIE, *EQUATION, *MPC) leave pieces free to move against each other "
-            f"({found.shape[1]} motions with the supports): join them by more nodes"
-        )
+        fault = "equations of the mesh file (*TIE, *EQUATION, *MPC) leave pieces free to move against each other"
+        raise ModelError(f"{fault} ({found.shape[1]} motions with the supports): join them by more nodes")
     return inside
 
 

@@ -150,9 +150,7 @@ def craig_bampton(model: Supported, chosen: IntArray, interface_loads: FloatArra
     return _joined(model, fixed, _statics(model, loads @ _balanced(model, loads)))
 
 
-def with_residual_flexibility(
-    model: Supported, modes: Modes, interface_loads: FloatArray, missed: float = 0.0
-) -> Modes:
+def with_residual_flexibility(model: Supported, modes: Modes, loads: FloatArray, missed: float = 0.0) -> Modes:
     """Modes and what they lack of the static response to interface loads, orthonormalised by the small eigenproblem.
 
     Static displacements of the interfaces are then those of the whole finite element model. The additional modes are
@@ -162,7 +160,7 @@ def with_residual_flexibility(
     ----------
     model : Supported
     modes : Modes
-    interface_loads : (3n, 6I) float
+    loads : (3n, 6I) float
         Nodal forces of the interfaces' unit forces and moments.
     missed : float
         Share of its own displacement (2d) that every load may miss, so that few shapes will do.
@@ -172,7 +170,7 @@ def with_residual_flexibility(
     Modes
         At most 6I more.
     """
-    return _joined(model, modes, _statics(model, model.forces(interface_loads)), missed)
+    return _joined(model, modes, _statics(model, model.forces(loads)), missed)
 
 
 def frequency_spread(model: Supported, angular_frequency: FloatArray, shapes: FloatArray) -> FloatArray:
@@ -210,10 +208,8 @@ def _statics(model: Supported, loads: FloatArray) -> FloatArray:
     moved = energy > 0.0
     error = 0.5 * float(np.max(np.abs(1.0 - work[moved] / energy[moved]), initial=0.0))
     if error > _FREQUENCY_LIMIT:
-        raise AccuracyError(
-            f"static shapes are not good enough: energy and work of a unit load differ by {200.0 * error:.2g} % (limit "
-            f"{200.0 * _FREQUENCY_LIMIT:.2g} %); {_ILL_CONDITIONED}"
-        )
+        found = f"static shapes are not good enough: energy and work of a unit load differ by {200.0 * error:.2g} %"
+        raise AccuracyError(f"{found} (limit {200.0 * _FREQUENCY_LIMIT:.2g} %); {_ILL_CONDITIONED}")
     return shapes
 
 
@@ -276,13 +272,11 @@ def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
     splits = bool(squares[count] - squares[count - 1] < _DEGENERATE * squares[count])
     squares, vectors = squares[:count], _fixed_axes(squares[:count], vectors[:, :count])
     orthonormality = _checked_orthonormality(m, vectors)
-    accuracy = _checked_frequencies(k, m, vectors, np.sqrt(squares), inverse(m @ vectors))
+    accuracy = _checked(k, m, vectors, np.sqrt(squares), inverse(m @ vectors))
     return Modes(np.sqrt(squares), model.whole(vectors), orthonormality, accuracy, splits)
 
 
-def _checked_frequencies(
-    k: sp.csr_array, m: sp.csr_array, vectors: FloatArray, omega: FloatArray, found: FloatArray
-) -> float:
+def _checked(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray, omega: FloatArray, found: FloatArray) -> float:
     """Largest relative error of frequencies (j,) of modes (k, j), from K⁻¹Mφ as `found` (k, j).
 
     In the modes that are sought, φ = Σ cᵢ φᵢ with Σ cᵢ² = 1, so that the residual φ − ω²K⁻¹Mφ has over ω² the energy

@@ -224,7 +224,7 @@ class BodyOptions:
 
 @dataclass(frozen=True, slots=True)
 class BodyUse:
-    """How a body will be used: what does not change its reduction.
+    """How a body will be used: what does not change its reduction; by the names that `ReducedBody` has for it.
 
     Attributes
     ----------
@@ -234,9 +234,9 @@ class BodyUse:
         which it is linear.
     variant : Variant
         Method and mass to start with.
-    velocities : bool
+    velocity_outputs : bool
         Whether velocities are outputs.
-    compliance, follows : tuple of str
+    compliance_interfaces, following_interfaces : tuple of str
         Interfaces whose compliance is offered, and those whose loads turn with them.
     tolerance : float or None
         Relative error above which the FMU warns.
@@ -247,9 +247,9 @@ class BodyUse:
     name: str
     damping: float | Sequence[float] | FloatArray = 0.0
     variant: Variant = _DEFAULT
-    velocities: bool = False
-    compliance: tuple[str, ...] = ()
-    follows: tuple[str, ...] = ()
+    velocity_outputs: bool = False
+    compliance_interfaces: tuple[str, ...] = ()
+    following_interfaces: tuple[str, ...] = ()
     tolerance: float | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     properties: Properties | None = None

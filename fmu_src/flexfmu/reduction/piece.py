@@ -3,6 +3,7 @@
 import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -170,10 +171,8 @@ def _shadow(divided: _Divided, basis: _Basis, every: FloatArray) -> tuple[Reduce
     matrices, model, loads = basis.matrices.quiet, divided.model, divided.unit_loads()
     finer = shadow_options(divided.config, divided.subdomains)
     key = content_key(__name__, "third order", basis.key, loads)
-    third = matrices.kept(
-        key, "shapes of third order",
-        lambda: third_order_loads(matrices, basis.modes, loads, THIRD_LEAST, THIRD_MOST),
-    )  # fmt: skip
+    make = partial(third_order_loads, matrices, basis.modes, loads, THIRD_LEAST, THIRD_MOST)
+    third = matrices.kept(key, "shapes of third order", make)
     key = content_key(__name__, "buckling", matrices.key, loads)
     buckled = matrices.kept(key, "shapes of buckling", lambda: buckling_loads(matrices, loads))
     lacking = np.hstack([every, third, buckled])
@@ -363,16 +362,13 @@ def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) 
     heavy = mass_centres(mesh, subdomains)[2] if divided.config.acceleration else []
     centres = heavy + lump_centres
     turned, nodes = basis.frames.frame_rotation, [by_node(spring.nodes) for spring in divided.springs]
-    readings = node_readings(
-        mesh.points, modes.shapes, subdomains, turned, divided.interfaces, centres, nodes, modes.angular_frequency
-    )
-    rigid = np.flatnonzero(modes.angular_frequency == 0.0)
-    floating = any(domain.floating for domain in subdomains)
-    matrices, bushings = basis.matrices, divided.model.bushings
+    what = subdomains, turned, divided.interfaces, centres, nodes, modes.angular_frequency
+    readings = node_readings(mesh.points, modes.shapes, *what)
+    matrices, floating = basis.matrices, any(domain.floating for domain in subdomains)
 
     def make() -> dict[str, FloatArray]:
         with matrices.report.stage(f"Find where {len(readings)} places go at second order"):
-            found = second_order(mesh, matrices.supported, modes.shapes, rigid, floating, readings, bushings)
+            found = second_order(matrices, modes, floating, readings)
         return {"displacement": found.displacement, "rotation": found.rotation}
 
     parts = [part for reading in readings for part in reading.parts]
@@ -417,14 +413,12 @@ def _surface(divided: _Divided, basis: _Basis, loads: FloatArray, second: Second
 
 def _surface_fields(basis: _Basis, loads: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What goes with q at second order all over the surface, for pictures."""
-    matrices, shapes, omega = basis.matrices, basis.modes.shapes, basis.modes.angular_frequency
-    mesh = matrices.model.mesh
+    matrices = basis.matrices
 
     def make() -> dict[str, FloatArray]:
-        model = matrices.supported
         with matrices.report.stage("Find where the surface goes at second order"):
-            elastic, nodes = np.flatnonzero(omega > 0.0), surface_nodes(mesh)[0]
-            fields, forms = second_order_fields(mesh, model, shapes, elastic, omega**2, loads, nodes)
+            nodes = surface_nodes(matrices.model.mesh)[0]
+            fields, forms = second_order_fields(matrices, basis.modes, loads, nodes)
             return {"fields": fields, "forms": forms}
 
     key = content_key(__name__, "surface", basis.key, loads)

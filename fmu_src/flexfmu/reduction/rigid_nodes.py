@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..files.basics import FloatArray, IntArray
-from ..mesh.equations import RigidLink, Simplices, effects, followers, matrix_of, recognised, simplex
+from ..mesh.equations import RigidLink, Row, Simplices, effects, followers, matrix_of, recognised, simplex
 from ..mesh.model import Mesh
 from .options import BodyOptions, node_set
 
@@ -51,7 +51,7 @@ def _with_links(mesh: Mesh, links: Sequence[RigidLink]) -> Mesh:
     Mesh
         With equations and simplices; masses that hang on a link hang on its masters, which move likewise.
     """
-    rows: list[dict[int, float]] = []
+    rows: list[Row] = []
     found: dict[int, list[tuple[IntArray, FloatArray, float]]] = {}
     masses = list(mesh.masses)
     for link, size in zip(links, _surroundings(mesh, links), strict=True):
@@ -73,10 +73,8 @@ def _with_links(mesh: Mesh, links: Sequence[RigidLink]) -> Mesh:
 def stretch_free(mesh: Mesh) -> list[str]:
     """Say how many equations let their nodes turn and not stretch, which is false in large turns."""
     count = 0 if mesh.equations is None else int(effects(mesh.points, mesh.equations)[1].sum())
-    words = (
-        f"{count} equations of the mesh file keep distances by linear terms, which is wrong in large turns, by 16 to "
-        "54 % at bores: say *RIGID BODY or *KINEMATIC instead, or rigid = true of an interface"
-    )
+    found = f"{count} equations of the mesh file keep distances by linear terms, which is wrong in large turns"
+    words = f"{found}, by 16 to 54 % at bores: say *RIGID BODY or *KINEMATIC instead, or rigid = true of an interface"
     return [words] if count else []
 
 

@@ -19,15 +19,14 @@ import numpy as np
 
 from ..fe.gradients import geometric_stiffness
 from ..files.basics import FloatArray, IntArray
-from ..mesh.model import Mesh
 from ..model.reduced_body import SecondOrder
 from ..model.rotations import from_ground, product, skew
+from .basis import Matrices
 from .bodies import InterfaceFit
-from .bushings import Bushings
 from .masses import Centre
+from .modes import Modes
 from .rigid_fit import Weighted, is_mean, rigid_fit
 from .subdomains import Subdomain, Turn, carrying_frame
-from .supported import Supported
 
 _RANK = 6
 # How far sections depart from planes, over how far their frames turn them, above which a body is one of sections that
@@ -144,7 +143,9 @@ def node_readings(
     """
     modes = shapes.shape[1]
     readings = []
-    planes = _stay_plane(points, shapes, subdomains, frame_rotation, rates)
+    elastic = rates > 0.0
+    soft, turned = shapes[:, elastic] / rates[elastic], frame_rotation[:, :, elastic] / rates[elastic]
+    planes = all(_warping(points, soft, *each) < _WARPS for each in zip(subdomains, turned, strict=True))
     for domain, angle in zip(subdomains, frame_rotation, strict=True):
         operator, rank = rigid_fit(points, domain.joint, domain.joint_point)
         turn, inside = domain.rotation, None
@@ -168,19 +169,6 @@ def node_readings(
     return readings + [NodeReading(np.zeros(3), none, np.zeros((3, 0)), *_still(modes)) for _ in springs]
 
 
-def _stay_plane(
-    points: FloatArray,
-    shapes: FloatArray,
-    subdomains: Sequence[Subdomain],
-    frame_rotation: FloatArray,
-    rates: FloatArray,
-) -> bool:
-    """Whether the sections of all joints do."""
-    elastic = rates > 0.0
-    soft, turned = shapes[:, elastic] / rates[elastic], frame_rotation[:, :, elastic] / rates[elastic]
-    return all(_warping(points, soft, *each) < _WARPS for each in zip(subdomains, turned, strict=True))
-
-
 def _warping(points: FloatArray, shapes: FloatArray, domain: Subdomain, angle: FloatArray) -> float:
     """How far the section of a frame's joint departs from a plane (rms) over its radius, over how far the frame turns.
 
@@ -197,60 +185,48 @@ def _warping(points: FloatArray, shapes: FloatArray, domain: Subdomain, angle: F
     return float(np.sqrt((moved**2).sum(axis=(1, 2)).mean()) / (radius * np.linalg.norm(angle)))
 
 
-def second_order(
-    mesh: Mesh,
-    model: Supported,
-    shapes: FloatArray,
-    rigid: IntArray,
-    floating: bool,
-    readings: Sequence[NodeReading],
-    bushings: Bushings,
-) -> SecondOrder:
+def second_order(matrices: Matrices, modes: Modes, floating: bool, readings: Sequence[NodeReading]) -> SecondOrder:
     """Second derivatives (18) of the motions of the tree's nodes.
 
     Parameters
     ----------
-    mesh : Mesh
-        Every element with a material.
-    model : Supported
-    shapes : (3n, m) float
-    rigid : (r,) int
-        Modes that are rigid motions.
+    matrices : Matrices
+    modes : Modes
     floating : bool
-        Whether motions are to be seen from the floating frame, which makes these motions.
+        Whether motions are to be seen from the floating frame, which makes the rigid motions.
     readings : sequence of NodeReading
         One for each node of the tree, in its order; the first of a frame.
-    bushings : Bushings
 
     Returns
     -------
     SecondOrder
     """
-    count, modes = len(mesh.points), shapes.shape[1]
-    loads = np.hstack([reading.loads(count) for reading in readings])
+    mesh, bushings, model = matrices.model.mesh, matrices.model.bushings, matrices.supported
+    loads = np.hstack([reading.loads(len(mesh.points)) for reading in readings])
     fields = model.whole(model.static(model.forces(loads)))
-    elastic = shapes.copy()
+    rigid, count = np.flatnonzero(modes.angular_frequency == 0.0), modes.shapes.shape[1]
+    elastic = modes.shapes.copy()
     elastic[:, rigid] = 0.0
     # Work of the initial strains, and of the bushings' own, on the stress of the fields.
     own = np.tensordot((bushings.rows @ fields).T, bushings.curvature(elastic), axes=1)
-    motion = (-geometric_stiffness(mesh, fields, elastic) - own).reshape(len(readings), 2, 3, modes, modes)
+    motion = (-geometric_stiffness(mesh, fields, elastic) - own).reshape(len(readings), 2, 3, count, count)
     displacement, rotation = motion[:, 0], motion[:, 1]
     angles = np.array([reading.angle for reading in readings])
     bent = angles.copy()
     bent[:, :, rigid] = 0.0
     for k, reading in enumerate(readings):
         # What is left of the section's rotation once the frame's own turn in it is undone: exp(θ_s) exp(θ_X − θ_s).
-        inside = np.zeros((3, modes)) if reading.inside is None else reading.inside
+        inside = np.zeros((3, count)) if reading.inside is None else reading.inside
         rotation[k] -= 0.5 * product(bent[k], inside)
         rotation[k] += reading.turned_back(mesh.points, elastic, bent[k] + inside)
         displacement[k] += reading.carried(mesh.points, elastic)
     if rigid.size and not floating:
-        reference = np.zeros((3, modes))
+        reference = np.zeros((3, count))
         reference[:, rigid] = angles[0][:, rigid]
         arm = np.array([reading.point - readings[0].point for reading in readings])
         change = np.array([reading.moved(elastic) for reading in readings])
         # Ends on the ground stay where they are.
         on_body = np.array([reading.nodes.size > 0 for reading in readings])
-        seen = from_ground(displacement, rotation, reference, arm, change, angles)
+        seen = from_ground((displacement, rotation), reference, arm, change, angles)
         displacement, rotation = (part * on_body[:, None, None, None] for part in seen)
     return SecondOrder(displacement, rotation)

@@ -380,10 +380,8 @@ def frame_operators(points: FloatArray, shapes: FloatArray, subdomains: Sequence
     for s, domain in enumerate(subdomains):
         averaged[s] = domain.rotation.of(shapes)
         if domain.rotation.rank < 3:
-            raise BodyFileError(
-                f"frame {domain.name!r}: its {domain.body.nodes.size} nodes lie on a line or in one point, which does "
-                "not tell a rotation; give it at least three nodes off a line"
-            )
+            found = f"frame {domain.name!r}: its {domain.body.nodes.size} nodes lie on a line or in one point"
+            raise BodyFileError(f"{found}, which does not tell a rotation; give it at least three nodes off a line")
         if domain.points:
             averaged[s] = rotation_by_points(points, shapes, domain)
         displacement[s], rotation[s], rank = modal_fit(points, shapes, domain.joint, domain.joint_point)
@@ -426,10 +424,8 @@ def rotation_by_points(points: FloatArray, shapes: FloatArray, domain: Subdomain
             raise BodyFileError(f"frame {domain.name!r}: its rotation point lies in the joint; take the far end")
         return skew(edges[0]) @ moved[0] / size**2
     if abs(np.linalg.det(edges / max(size, 1e-300))) < _FLAT_TETRAHEDRON:
-        raise BodyFileError(
-            f"frame {domain.name!r}: its three rotation points lie in a plane with the joint, which tells no rotation; "
-            "take points that span a volume with it"
-        )
+        found = f"frame {domain.name!r}: its three rotation points lie in a plane with the joint"
+        raise BodyFileError(f"{found}, which tells no rotation; take points that span a volume with it")
     gradient = np.einsum("pim,jp->ijm", moved, np.linalg.inv(edges))
     spin = 0.5 * (gradient - gradient.transpose(1, 0, 2))
     return np.array([spin[2, 1], spin[0, 2], spin[1, 0]])

@@ -9,8 +9,9 @@ from ..files.basics import FloatArray, IntArray
 from ..files.outputs import tell_nobody
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND, Surface
+from .basis import Matrices
+from .modes import Modes
 from .subdomains import Subdomain
-from .supported import Supported
 
 # Directions in the modal coordinates whose pairs are kept: 300 pairs, as many static responses.
 _DIRECTIONS = 24
@@ -138,13 +139,7 @@ def _turning_directions(
 
 
 def second_order_fields(
-    mesh: Mesh,
-    model: Supported,
-    shapes: FloatArray,
-    elastic: IntArray,
-    squares: FloatArray,
-    loads: FloatArray,
-    nodes: IntArray,
+    matrices: Matrices, modes: Modes, loads: FloatArray, nodes: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Displacement ½ w(q, q) of some nodes that goes with q at second order, as few fields w = Σ W_r (qᵀ c_r q).
 
@@ -152,14 +147,8 @@ def second_order_fields(
 
     Parameters
     ----------
-    mesh : Mesh
-        Every element with a material.
-    model : Supported
-    shapes : (3n, m) float
-    elastic : (e,) int
-        Modes that are no rigid motions.
-    squares : (m,) float
-        ω², 1/s².
+    matrices : Matrices
+    modes : Modes
     loads : (3n, j) float
         Of which static displacements are made.
     nodes : (k,) int
@@ -171,8 +160,10 @@ def second_order_fields(
     forms : (r, m, m) float
         c_r, symmetric.
     """
-    m, phi = shapes.shape[1], shapes[:, elastic]
-    axes, values, size = _turning_directions(mesh, phi, np.sqrt(squares[elastic]), loads)
+    mesh, model = matrices.model.mesh, matrices.supported
+    elastic = np.flatnonzero(modes.angular_frequency > 0.0)
+    phi = modes.shapes[:, elastic]
+    axes, values, size = _turning_directions(mesh, phi, modes.angular_frequency[elastic], loads)
     kept = values.size
     directions = phi @ (axes / size).T
     first, second = np.triu_indices(kept)
@@ -186,11 +177,11 @@ def second_order_fields(
         forces, _ = quadratic_strain(mesh, directions, np.stack([first[part], second[part]], axis=1), tell_nobody)
         # Twice the displacement that a pair's strain (18a) makes: ½ w holds it in both orders.
         pairs[:, part] = -2.0 * model.whole(model.static(model.forces(forces)))[rows] * weight[part]
-    squares_of, turn = np.linalg.eigh(pairs.T @ pairs)
-    large = squares_of > (_SMALL**2) * squares_of[-1]
+    squares, turn = np.linalg.eigh(pairs.T @ pairs)
+    large = squares > (_SMALL**2) * squares[-1]
     turn = turn[:, large]
     # y = axes (size q): the coordinates of the directions.
-    onto = np.zeros((kept, m))
+    onto = np.zeros((kept, modes.shapes.shape[1]))
     onto[:, elastic] = axes * size
     forms = np.zeros((turn.shape[1], kept, kept))
     forms[:, first, second] = forms[:, second, first] = (turn / weight[:, None]).T

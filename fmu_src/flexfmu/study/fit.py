@@ -334,20 +334,14 @@ def _number(frames: int) -> str:
 
 
 def _deliver(
-    workshop: Workshop,
-    best: Choice,
-    reasons: dict[str, str],
-    target: Path,
-    fmu: Path | None,
-    begun: float,
-    verify: bool,
+    workshop: Workshop, best: Choice, why: dict[str, str], target: Path, fmu: Path | None, begun: float, verify: bool
 ) -> Fit:
     """Write the file and the FMU, and measure what was written against the body as given."""
     scene = workshop.scene
     config = candidates.reduction_config(scene.config, best.reduction, [best.variant])
     with whole_file(target) as part:
         # It is read where it stands while it is written: paths in it are taken from there.
-        part.write_text(body_text(config, part.parent, [], reasons), encoding="utf-8")
+        part.write_text(body_text(config, part.parent, [], why), encoding="utf-8")
         body = build(read_body_file(part), workshop.store).body
         given, given_errors = _as_given(workshop)
         measured = workshop.errors(body, best.variant)
@@ -364,17 +358,17 @@ def _deliver(
             given_mode_count=given.mode_count,
             frame_count=body.frame_count,
             given_frame_count=given.frame_count,
-            reasons=reasons,
+            reasons=why,
             seconds=time.perf_counter() - begun,
             tried=workshop.tried,
         )
         limit = workshop.accepted(body, result.met)
         body, config = replace(body, tolerance=limit), config.accepting(limit)
-        reasons = reasons | {"output": "The FMU warns above the scene's tolerance, or its own bound there."}
+        why = why | {"output": "The FMU warns above the scene's tolerance, or its own bound there."}
         title = "the smallest and fastest model found within a scene's tolerance."
         title = title if result.met else "the best model found for a scene; its tolerance is not met."
         header = [f"{config.name}: {title}", *result.summary]
-        part.write_text(body_text(config, target.parent, header, reasons), encoding="utf-8")
+        part.write_text(body_text(config, target.parent, header, why), encoding="utf-8")
         if fmu is not None:
             with workshop.report.stage(f"Write {fmu}"):
                 # The body file takes its name once the FMU is there.

@@ -120,9 +120,7 @@ def bodies(rows: Sequence[Record]) -> list[str]:
     return list(dict.fromkeys(row.body for row in rows))
 
 
-def plain_front(
-    rows: Sequence[Record], cost: str, error: str, margin: float = 0.0, same_cost: float = 0.0
-) -> list[Record]:
+def plain_front(rows: Sequence[Record], cost: str, error: str, margin: float = 0.0, same: float = 0.0) -> list[Record]:
     """Records that no other beats; of those that are as good as such a one, the plainest stands for it.
 
     Parameters
@@ -132,7 +130,7 @@ def plain_front(
         Columns.
     margin : float
         Relative gain in error that makes a costlier member worth naming.
-    same_cost : float
+    same : float
         Relative difference of costs that counts as none.
 
     Returns
@@ -143,11 +141,8 @@ def plain_front(
     costs, errors = ([getattr(row, name) for row in rows] for name in (cost, error))
     members: dict[Record, None] = {}
     for k in pareto_front(costs, errors, margin):
-        as_good = [
-            n
-            for n in range(len(rows))
-            if costs[n] <= (1.0 + same_cost) * costs[k] and errors[n] <= errors[k] / (1.0 - margin)
-        ]
+        most, worst = (1.0 + same) * costs[k], errors[k] / (1.0 - margin)
+        as_good = [n for n in range(len(rows)) if costs[n] <= most and errors[n] <= worst]
         # One may stand for two.
         members[rows[min(as_good, key=lambda n: (rows[n].plainness, costs[n]))]] = None
     # Where a costlier one stands for a member, the next member may beat it.

@@ -137,10 +137,8 @@ class RecordFile(Generic[R]):
         self.rows = [record for record, _ in kept]
         self._known = {record.key for record in self.rows}
         if {getattr(record, layout.columns[0]) for record in self.rows} - {owner}:
-            raise SceneError(
-                f"{path}: holds records of another scene, or of this one before its body, cases or tolerances changed; "
-                "give another file, or remove it"
-            )
+            other = "of another scene, or of this one before its body, cases or tolerances changed"
+            raise SceneError(f"{path}: holds records {other}; give another file, or remove it")
         if found := {code for _, code in kept} - {self._code}:
             raise SceneError(
                 f"{path}: holds records made by other code of flexfmu or of its libraries "

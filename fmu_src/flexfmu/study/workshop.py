@@ -22,10 +22,9 @@ from ..core.interface import parameter
 from ..files.basics import FlexfmuError, FloatArray, RuntimeBodyError
 from ..files.outputs import Reporter
 from ..files.store import REUSED, Store
-from ..model.arrays import ARRAYS, turned
 from ..model.methods import Mass, Variant
-from ..model.reduced_body import GROUPS, ReducedBody
-from ..model.variants import lean
+from ..model.reduced_body import ReducedBody
+from ..model.variants import lean, turned_parts
 from .candidates import Candidate, Reduction, candidates, reduction_config
 from .cost import StepCost, time_steps
 from .pace import Clock
@@ -176,10 +175,7 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
     -------
     ReducedBody
     """
-    parts = ("whole", "masses", "ties", "inertia", "polynomial", "second")
-    known = {one: (getattr(body, one), ARRAYS[one]) for one in GROUPS if one in parts}
-    changes = turned(body, [entry for entry in ARRAYS["body"] if entry.shape != "m"], turn)
-    changes |= {name: part and replace(part, **turned(part, entries, turn)) for name, (part, entries) in known.items()}
+    changes = turned_parts(body, turn)
     # Products that the mass leaves out are of the old coordinates: a trial goes without their watch.
     changes["polynomial"] = body.polynomial and replace(changes["polynomial"], factor=None, further=None)
     return replace(
@@ -187,9 +183,7 @@ def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArr
         angular_frequency=angular_frequency,
         frequency_spread=None,
         damping_ratio=np.full(len(angular_frequency), body.damping_ratio[0]),
-        surface=body.surface and body.surface.in_coordinates(turn),
         membrane=body.membrane and body.membrane.turned(turn, angular_frequency**2),
-        stress_sets=tuple(replace(part, **turned(part, ARRAYS["stress"], turn)) for part in body.stress_sets),
         shadow=body.shadow and replace(body.shadow, embedding=body.shadow.embedding @ turn),
         **changes,
     )

@@ -122,7 +122,7 @@ def motion_case(
     label: str = "time",
     unit: str = "s",
     cyclic: bool = False,
-    note: str | None = None,
+    note: str = "",
 ) -> Case:
     """A motion of which the modal coordinates are known.
 
@@ -136,7 +136,7 @@ def motion_case(
     label, unit : str
         What `position` is.
     cyclic : bool
-    note : str, optional
+    note : str
         Default: the largest displacement and when.
 
     Returns
@@ -147,27 +147,15 @@ def motion_case(
     places = np.array([body.surface_positions(State(q, q)) for q in states])
     stress = None if surface.stress is None else np.array([surface_von_mises(body.model, q) for q in states])
     marks = np.array([mark_places(body, q) for q in states])
-    if note is None:
-        note = _extremes(body, places, stress, states, position, label, unit)
-    return Case(name, label, unit, np.array(position, dtype=float), places, marks, stress, cyclic, note)
-
-
-def _extremes(
-    body: FlexibleBody,
-    places: FloatArray,
-    stress: FloatArray | None,
-    states: Sequence[FloatArray],
-    position: Sequence[float],
-    label: str,
-    unit: str,
-) -> str:
-    """Largest displacement, rotation within a frame and stress, in words."""
-    moved = np.linalg.norm(places - surface_of(body.model).points, axis=2).max(axis=1)
+    case = Case(name, label, unit, np.array(position, dtype=float), places, marks, stress, cyclic, note)
+    if note:
+        return case
+    moved = np.linalg.norm(places - surface.points, axis=2).max(axis=1)
     last = int(np.argmax(moved))
     when = f" at {label} {position[last]:.4g} {unit}".rstrip() if label == "time" else ""
     turned = max(body.core.largest_rotation(q) for q in states)
     words = f"largest displacement {metres(float(moved[last]))}{when}, rotation in a frame {np.degrees(turned):.2g}°"
-    return words if stress is None else f"{words}, {STRESS} {stress.max() / 1e6:.4g} MPa"
+    return replace(case, note=words if stress is None else f"{words}, {STRESS} {stress.max() / 1e6:.4g} MPa")
 
 
 def mode_cases(body: FlexibleBody, count: int) -> list[Case]:

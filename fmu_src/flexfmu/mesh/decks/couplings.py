@@ -9,7 +9,7 @@ import numpy as np
 from flexfmu.files.basics import BoolArray, FloatArray, IntArray
 from flexfmu.mesh.decks.cards import Card, fields, integer, number
 from flexfmu.mesh.decks.sets import Deck, DeckSurface
-from flexfmu.mesh.equations import RigidLink
+from flexfmu.mesh.equations import RigidLink, Row
 
 # Cards that say how the coupling above them holds its nodes.
 _KINDS = ("KINEMATIC", "DISTRIBUTING")
@@ -179,7 +179,7 @@ def _axes(card: Card) -> set[int]:
 
 def offered(
     couplings: Sequence[Coupling], points: FloatArray, fixed: BoolArray, carried: Set[int]
-) -> tuple[dict[str, IntArray], dict[str, FloatArray], list[RigidLink], list[dict[int, float]], list[str]]:
+) -> tuple[dict[str, IntArray], dict[str, FloatArray], list[RigidLink], list[Row], list[str]]:
     """Return what couplings mean to a body file, and hold the nodes of those whose reference node is held.
 
     Parameters
@@ -209,7 +209,7 @@ def offered(
     sets = {name: one.nodes for one in couplings for name in one.names}
     references = {name: points[one.reference] for one in couplings for name in one.names}
     links = [RigidLink(one.names[0], np.union1d(one.nodes, [one.reference])) for one in couplings if one.rigid]
-    rows: list[dict[int, float]] = []
+    rows: list[Row] = []
     notes = []
     for coupling in couplings:
         where = f"{coupling.card.line.place}: *{coupling.card.keyword}"

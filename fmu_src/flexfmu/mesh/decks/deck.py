@@ -21,7 +21,7 @@ from flexfmu.mesh.decks.materials import Assigned, DeckMaterials
 from flexfmu.mesh.decks.orientation import orientation
 from flexfmu.mesh.decks.sets import Deck, DeckSurface, SetTable, surface
 from flexfmu.mesh.elements import ElementBlock
-from flexfmu.mesh.equations import matrix_of
+from flexfmu.mesh.equations import Row, matrix_of
 from flexfmu.mesh.model import Mesh
 from flexfmu.mesh.shells import FoldedShellError, expanded
 from flexfmu.mesh.ties import OfShell
@@ -295,9 +295,9 @@ def _equations(
     points: FloatArray,
     axes: Mapping[int, FloatArray],
     busy: Set[int],
-) -> list[dict[int, float]]:
+) -> list[Row]:
     """Equations of *TIE, which may move nodes, of *EQUATION and of *MPC."""
-    found: list[dict[int, float]] = []
+    found: list[Row] = []
     table = TieTable(points, content.reach)
     shells = deck.turning if content.cards["TIE"] else set()
     for card in (*content.cards["TIE"], *content.cards["SHELLTOSOLIDCOUPLING"]):

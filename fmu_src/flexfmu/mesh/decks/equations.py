@@ -10,6 +10,7 @@ from flexfmu.files.basics import BoolArray, DeckError, FloatArray, IntArray, lis
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.sets import Deck, DeckSurface, SetTable
 from flexfmu.mesh.elements import face_corners
+from flexfmu.mesh.equations import Row
 from flexfmu.mesh.ties import EdgeTie, OfShell, ShellTie, nearest_faces, weighted
 
 # Degrees of freedom 4 to 6 are rotations, which reference nodes have and nodes of solids have not.
@@ -19,6 +20,8 @@ _OTHER_DOFS = (8, 11)
 # Cosine of the angle to a global axis, less one, within which a direction is that axis.
 _ALONG = 1e-9
 
+# Nodes, direction from zero, and coefficient.
+Term = tuple[list[int], int, float]
 # Named conditions: the degrees of freedom, counted from one, that they hold.
 NAMED = {
     "ENCASTRE": (1, 2, 3, 4, 5, 6),
@@ -88,7 +91,7 @@ def held_by_steps(steps: Sequence[Sequence[Card]], deck: Deck, axes: Container[i
     return found
 
 
-def inclined(axes: Mapping[int, FloatArray], fixed: BoolArray, card: Card) -> list[dict[int, float]]:
+def inclined(axes: Mapping[int, FloatArray], fixed: BoolArray, card: Card) -> list[Row]:
     """Take what is held along axes of *TRANSFORM as held along global axes, or as equations where these differ.
 
     Parameters
@@ -110,7 +113,7 @@ def inclined(axes: Mapping[int, FloatArray], fixed: BoolArray, card: Card) -> li
     DeckError
         A rotation is held about an axis that is not global, and others are not.
     """
-    found: list[dict[int, float]] = []
+    found: list[Row] = []
     for row, own in axes.items():
         held = fixed[row].copy()
         for first in (0, 3):
@@ -161,7 +164,7 @@ _DIGITS = 12
 
 def equations(
     cards: Sequence[Card], deck: Deck, points: FloatArray, axes: Mapping[int, FloatArray], busy: Set[int]
-) -> list[dict[int, float]]:
+) -> list[Row]:
     """Return the equations of the cards *EQUATION and *MPC.
 
     Parameters
@@ -185,7 +188,7 @@ def equations(
     DeckError
         A row is malformed, names what is not there, or is no linear constraint of translations.
     """
-    found, node_sets = list[dict[int, float]](), deck.node_sets
+    found, node_sets = list[Row](), deck.node_sets
     for card in cards:
         if card.key == "EQUATION":
             found += _equations(card, node_sets, axes)
@@ -198,9 +201,9 @@ def equations(
     return found
 
 
-def _equations(card: Card, node_sets: SetTable, axes: Mapping[int, FloatArray]) -> list[dict[int, float]]:
+def _equations(card: Card, node_sets: SetTable, axes: Mapping[int, FloatArray]) -> list[Row]:
     """Equations of a card, which holds several one after the other: a count, then so many terms."""
-    found: list[dict[int, float]] = []
+    found: list[Row] = []
     lines = iter(card.data)
     for line in lines:
         count = integer(fields(line)[0], line, "the number of terms of an equation")
@@ -224,10 +227,8 @@ def _equations(card: Card, node_sets: SetTable, axes: Mapping[int, FloatArray]) 
     return found
 
 
-def _term(
-    node: str, direction: str, factor: str, line: Line, card: Card, node_sets: SetTable
-) -> tuple[list[int], int, float]:
-    """Nodes, direction from zero, and coefficient of a term."""
+def _term(node: str, direction: str, factor: str, line: Line, card: Card, node_sets: SetTable) -> Term:
+    """A term of an equation."""
     if not 1 <= (axis := integer(direction, line, "the direction of an equation's term")) <= TRANSLATIONS:
         found = f"an equation between rotations (direction {axis}) is not supported"
         raise line.error(f"{found}: nodes of solids have the translations 1 to 3; say it by translations of nodes")
@@ -242,9 +243,7 @@ def _members(entry: str, line: Line, card: Card, node_sets: SetTable) -> list[in
     return sorted(rows, key=list(node_sets.rows).__getitem__) if len(rows) > 1 else [*rows]
 
 
-def _expanded(
-    terms: Sequence[tuple[list[int], int, float]], line: Line, axes: Mapping[int, FloatArray]
-) -> list[dict[int, float]]:
+def _expanded(terms: Sequence[Term], line: Line, axes: Mapping[int, FloatArray]) -> list[Row]:
     """One equation for each node of the sets; single nodes stand in all of them."""
     counts = {len(nodes) for nodes, _, _ in terms} - {1}
     if len(counts) > 1 or 0 in counts:
@@ -271,7 +270,7 @@ def _mean_rotation(line: Line, card: Card, node_sets: SetTable, busy: Set[int]) 
     return f"{line.place}: MPC MEANROT is left to an interface of its nodes, whose rotation is their mean one"
 
 
-def _constraint(line: Line, card: Card, node_sets: SetTable, points: FloatArray) -> list[dict[int, float]]:
+def _constraint(line: Line, card: Card, node_sets: SetTable, points: FloatArray) -> list[Row]:
     """Equations of a row of *MPC: those that stay linear however far the nodes turn."""
     kind, *entries = fields(line)
     kind = kind.upper()
@@ -360,7 +359,7 @@ class TieTable:
     shells: list[OfShell] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-    def rows(self, card: Card, surfaces: Mapping[str, DeckSurface]) -> list[dict[int, float]]:
+    def rows(self, card: Card, surfaces: Mapping[str, DeckSurface]) -> list[Row]:
         """Return the equations of a *TIE or *SHELL TO SOLID COUPLING; ties of shells go to `shells`.
 
         Parameters
@@ -377,7 +376,7 @@ class TieTable:
         DeckError
             A surface is missing or has no faces, or no node lies near a face.
         """
-        found: list[dict[int, float]] = []
+        found: list[Row] = []
         tolerance = card.parameters.get("POSITIONTOLERANCE", "")
         given = number(tolerance, card.line, "POSITION TOLERANCE") if tolerance else None
         edge = card.keyword != "TIE"

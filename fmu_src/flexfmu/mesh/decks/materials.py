@@ -374,14 +374,12 @@ class DeckMaterials:
     def _found(self, section: Section, name: str) -> Orientation:
         return section.scope.find(name, self.orientations, "orientation", section.line)
 
-    def _except(
-        self, section: Section, element_sets: SetTable, members: IntArray, places: FloatArray, base: FloatArray
-    ) -> None:
+    def _except(self, section: Section, sets: SetTable, members: IntArray, at: FloatArray, base: FloatArray) -> None:
         """Give axes (n, 3, 3) of a section those of the elements that a distribution names."""
         for whole, line, own in self.exceptions:
             if section.orientation and self._found(section, section.orientation) is whole:
-                inside = np.isin(members, [*element_sets.find(fields(line)[0], line, section.scope)])
-                base[inside] = own.at(places[inside], shell=section.shell)
+                inside = np.isin(members, [*sets.find(fields(line)[0], line, section.scope)])
+                base[inside] = own.at(at[inside], shell=section.shell)
 
     def _laminate(self, section: Section, places: FloatArray, base: FloatArray) -> Material:
         """What a section with layers is made of, whose axes are `base` at places; they become that of a layer."""

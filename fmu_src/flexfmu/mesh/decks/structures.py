@@ -82,14 +82,12 @@ def thickness_by_node(cards: Sequence[Card], deck: Deck) -> dict[int, float]:
     return found
 
 
-def take_shells(
-    sections: Sequence[Card], deck: Deck, table: ElementTable, materials: DeckMaterials
-) -> dict[int, Faces]:
+def take_shells(cards: Sequence[Card], deck: Deck, table: ElementTable, materials: DeckMaterials) -> dict[int, Faces]:
     """Make shells of the elements that sections name.
 
     Parameters
     ----------
-    sections : sequence of Card
+    cards : sequence of Card
         *SHELL SECTION.
     deck : Deck
         Of whose body shells are not a part yet.
@@ -109,7 +107,7 @@ def take_shells(
         Another type of element, layers, or an element with two sections.
     """
     heights: dict[int, Faces] = {}
-    for card in sections:
+    for card in cards:
         take(card, deck, table, _READ_AS, heights, _faces(card))
         materials.section(card)
     return heights

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexfmu.files.basics import FloatArray, MeshError, UnitSystem, listed
-from flexfmu.mesh.equations import RigidLink
+from flexfmu.mesh.equations import RigidLink, Row
 from flexfmu.mesh.model import PointMass, masses_note
 
 # Cards of nodes that move with a reference point: which of their nodes are on the body, and the reference.
@@ -177,7 +177,7 @@ def spider_ends(model: Any) -> dict[int, tuple[list[int], int]]:
     }
 
 
-def joints(model: Any, points: FloatArray, row: Mapping[int, int]) -> list[dict[int, float]]:
+def joints(model: Any, points: FloatArray, row: Mapping[int, int]) -> list[Row]:
     """Equations of the RBE2 that hold translations alone between grid points in one place; they are taken out."""
     near, found = _SAME_PLACE * float(np.ptp(points, axis=0).max(initial=0.0)), []
     for number, (nodes, reference) in spider_ends(model).items():
@@ -199,7 +199,7 @@ def carriers(model: Any) -> dict[int, list[int]]:
     return {key: nodes for nodes in rigid for key in nodes[:-1]} | {at: nodes for nodes, at in ends.values()}
 
 
-def multi_point_rows(bulk: Bulk) -> list[dict[int, float]]:
+def multi_point_rows(bulk: Bulk) -> list[Row]:
     """Return the equations of the MPC set that the case control chooses, or of the only one.
 
     Parameters
@@ -220,7 +220,7 @@ def multi_point_rows(bulk: Bulk) -> list[dict[int, float]]:
     if not model.mpcs:
         return []
     cards = [card for number in _chosen_set(model, path, bulk.notes) for card in model.mpcs.get(number, ())]
-    found: list[dict[int, float]] = []
+    found: list[Row] = []
     for card in cards:
         terms: dict[int, float] = {}
         for node, component, factor in zip(card.nodes, card.components, card.coefficients, strict=True):
@@ -306,10 +306,9 @@ def _heavy(model: Any, path: Path) -> dict[int, Any]:
         first = next(iter(parts.values()))
         mass, alike = own.get(1, 0.0), {own.get(axis, 0.0) for axis in (1, 2, 3)}
         if len(alike) > 1 or min(own.values()) < 0.0 or model.nodes[grid].cd:
-            raise MeshError(
-                f"{path}: {first.type} {first.eid} at GRID {grid}: supported are masses that are the same in 1, 2 and "
-                "3, and not negative, along the basic axes: take a CONM2"
-            )
+            fault = f"{path}: {first.type} {first.eid} at GRID {grid}"
+            expected = "masses that are the same in 1, 2 and 3, and not negative, along the basic axes"
+            raise MeshError(f"{fault}: supported are {expected}: take a CONM2")
         inertia = [own.get(4, 0.0), 0.0, own.get(5, 0.0), 0.0, 0.0, own.get(6, 0.0)]
         found[first.eid] = SimpleNamespace(type=first.type, nid=grid, cid=0, mass=mass, X=np.zeros(3), I=inertia)
     return found
@@ -338,10 +337,8 @@ def point_masses(bulk: Bulk) -> tuple[PointMass, ...]:
     for number, one in sorted(_heavy(model, path).items()):
         nodes = [one.nid] if one.nid in used else carried.get(one.nid, [])
         if one.cid != 0 or not nodes or one.nid not in row or any(node not in row for node in nodes):
-            raise MeshError(
-                f"{path}: {one.type} {number} at GRID {one.nid}: supported are masses in the basic system, on grid "
-                "points of solids and on reference points of RBE2 and RBE3"
-            )
+            fault = f"{path}: {one.type} {number} at GRID {one.nid}: supported are masses in the basic system"
+            raise MeshError(f"{fault}, on grid points of solids and on reference points of RBE2 and RBE3")
         offset = np.asarray(one.X, dtype=float)
         i11, i21, i22, i31, i32, i33 = (float(value) for value in one.I)
         inertia = np.array([[i11, -i21, -i31], [-i21, i22, -i32], [-i31, -i32, i33]])

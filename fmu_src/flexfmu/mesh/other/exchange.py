@@ -130,7 +130,7 @@ def read_universal(path: Path) -> Contents:
             if dataset in (15, 781, 2411):
                 points |= _nodes(lines, dataset)
             elif dataset in (780, 2412):
-                _add_elements(lines, dataset, kinds, refused)
+                _add_cells(lines, dataset, kinds, refused)
             elif dataset in _GROUPS:
                 groups += _groups(lines, _GROUPS[dataset])
         if refused:
@@ -171,9 +171,7 @@ def _nodes(lines: Sequence[str], dataset: int) -> dict[int, list[float]]:
     return {int(head.split()[0]): [float(one) for one in place.split()] for head, place in pairs}
 
 
-def _add_elements(
-    lines: Sequence[str], dataset: int, kinds: dict[str, list[Member]], refused: dict[int, list[int]]
-) -> None:
+def _add_cells(lines: Sequence[str], dataset: int, kinds: dict[str, list[Member]], other: dict[int, list[int]]) -> None:
     """Add a dataset's elements by meshio's names, and those of no known name by their number."""
     rest = iter(lines)
     for line in rest:
@@ -189,7 +187,7 @@ def _add_elements(
         if len(order) == count:
             kinds.setdefault(name, []).append(Member(number, [nodes[k] for k in order], 0))
         else:
-            refused.setdefault(kind, []).append(number)
+            other.setdefault(kind, []).append(number)
 
 
 def _groups(lines: Sequence[str], width: int) -> Iterator[tuple[str, list[int], list[int]]]:

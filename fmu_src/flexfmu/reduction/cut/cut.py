@@ -199,10 +199,8 @@ def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
         link = link + uses @ coupled_nodes(mesh.equations) @ uses.T
     count, side = connected_components(link, directed=False)
     if count != 2:
-        raise BodyFileError(
-            f"{key}: the elements at this section make up {count} connected piece{'s'[: count > 1]}, expected two, one "
-            "on either side: a cut goes through the whole of one section of the body"
-        )
+        fault = f"{key}: the elements at this section make up {count} connected piece{'s'[: count > 1]}, expected two"
+        raise BodyFileError(f"{fault}, one on either side: a cut goes through the whole of one section of the body")
     # Side b begins where the numbering of the mesh is higher.
     second = np.zeros(mesh.element_count, dtype=bool)
     second[touching[side != side[0]]] = True
@@ -314,7 +312,7 @@ def part_configs(config: BodyOptions, opened: Mesh, parts: Sequence[Part]) -> li
     for number, part in enumerate(parts):
         owner[part.nodes] = number
         part_of_element[part.elements] = number
-    interfaces = _part_interfaces(config, opened, parts, owner)
+    interfaces = _interfaces(config, opened, parts, owner)
     home: dict[str, int] = {}
     for frame in config.frames:
         nodes = node_set(opened, frame.nodes, f"frame {frame.name!r}, nodes")
@@ -345,13 +343,11 @@ def part_configs(config: BodyOptions, opened: Mesh, parts: Sequence[Part]) -> li
     ]
 
 
-def _part_interfaces(
-    config: BodyOptions, opened: Mesh, parts: Sequence[Part], owner: IntArray
-) -> list[list[InterfaceNodes]]:
+def _interfaces(config: BodyOptions, mesh: Mesh, parts: Sequence[Part], owner: IntArray) -> list[list[InterfaceNodes]]:
     """Interfaces of each part, the sides of the cuts after its own, then its loose springs; `owner`: part of a node."""
     interfaces: list[list[InterfaceNodes]] = [[] for _ in parts]
     for table in config.interfaces:
-        found = np.unique(owner[node_set(opened, table.nodes, f"interface {table.name!r}, nodes")])
+        found = np.unique(owner[node_set(mesh, table.nodes, f"interface {table.name!r}, nodes")])
         if found.size > 1:
             fault = f"interface {table.name!r}: its nodes are in {found.size} of the parts that [[cut]] makes"
             raise BodyFileError(f"{fault}, expected one; take a smaller set, or cut elsewhere")

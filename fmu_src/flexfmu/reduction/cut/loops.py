@@ -12,6 +12,7 @@ meet. A section across one of the arms, near where they meet, opens the loop.
 import heapq
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,6 +24,7 @@ from ...mesh.equations import coupled_nodes
 from ...mesh.model import Mesh
 from ..division import distance_along
 
+T = TypeVar("T")
 SLENDER = 0.25
 """A section is slender if it is no wider than this share of the way from support to support."""
 # How far from the middle of the way a section may lie, of the way.
@@ -88,7 +90,7 @@ def loop_sections(mesh: Mesh, anchored: IntArray, clear: Mapping[str, IntArray])
     group = support_groups(mesh, anchored)
     if int(group.max(initial=0)) < 1:
         return []
-    contacts = element_contacts(mesh)
+    search = _Search.of(mesh, anchored, clear)
     ways = np.array([distance_along(mesh, anchored[group == g]) for g in range(int(group.max()) + 1)])
     # A label for each support; those that nothing slender separates get the same one.
     label = np.arange(len(ways))
@@ -96,9 +98,9 @@ def loop_sections(mesh: Mesh, anchored: IntArray, clear: Mapping[str, IntArray])
         names = np.unique(label)
         near = np.array([ways[label == name].min(axis=0) for name in names])
         cell = np.argmin([element_means(mesh, row) for row in near], axis=0)
-        met = np.unique(np.sort(cell[contacts.elements], axis=1), axis=0)
+        met = np.unique(np.sort(cell[search.contacts.elements], axis=1), axis=0)
         pairs = [(i, j) for i, j in met.tolist() if i != j]
-        found = [_best(mesh, contacts, cell, near, pair, anchored, clear) for pair in pairs]
+        found = [_best(search, cell, near, pair) for pair in pairs]
         if all(found):
             return sorted((one for each in found for one in each), key=lambda one: tuple(np.round(one.place, 9)))
         i, j = next(pair for pair, each in zip(pairs, found, strict=True) if not each)
@@ -156,44 +158,64 @@ def element_means(mesh: Mesh, values: FloatArray) -> FloatArray:
     return np.concatenate([values[block.connectivity].mean(axis=1) for block in mesh.blocks])
 
 
-def _best(
-    mesh: Mesh,
-    contacts: Contacts,
-    cell: IntArray,
-    near: FloatArray,
-    pair: tuple[int, int],
-    anchored: IntArray,
-    clear: Mapping[str, IntArray],
-) -> list[LoopSection]:
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """A body in which sections are sought, its contacts, the nodes that none may touch and those it may not part."""
+
+    mesh: Mesh
+    contacts: Contacts
+    avoided: IntArray
+    whole: Sequence[IntArray]
+
+    @classmethod
+    def of(cls, mesh: Mesh, anchored: IntArray, clear: Mapping[str, IntArray]) -> "_Search":
+        """See `loop_sections`."""
+        whole = list(clear.values())
+        return cls(mesh, element_contacts(mesh), np.unique(np.concatenate([anchored, *whole])), whole)
+
+    def sections(self, side: IntArray, way: float) -> tuple[list[LoopSection], float, float]:
+        """The sections between two sides if all are clear, and slender on so long a way; as `_sections_between`."""
+        found, flat, area = _sections_between(self.mesh, self.contacts, side)
+        wrong = (one.width > SLENDER * way or np.intersect1d(one.nodes, self.avoided).size for one in found)
+        return [] if any(wrong) else found, flat, area
+
+
+def _best(search: _Search, cell: IntArray, near: FloatArray, pair: tuple[int, int]) -> list[LoopSection]:
     """The best sections between the cells (e,) of two supports; none if nothing slender and clear separates them."""
     i, j = pair
     way = float((near[i] + near[j]).min())
-    lead = np.where((cell == i) | (cell == j), element_means(mesh, near[i] - near[j]), np.nan)
-    avoided = np.unique(np.concatenate([anchored, *clear.values()]))
+    lead = np.where((cell == i) | (cell == j), element_means(search.mesh, near[i] - near[j]), np.nan)
     tried: list[tuple[float, float, float, list[LoopSection]]] = []
     for offset in _OFFSET * way * np.linspace(-1.0, 1.0, PLACES):
         side = np.where(np.isnan(lead), -1, lead > offset)
-        sections, flat, area = sections_between(mesh, contacts, side)
-        touching = any(np.intersect1d(one.nodes, avoided).size for one in sections)
-        if not sections or touching or any(one.width > SLENDER * way for one in sections):
-            continue
-        if _sides_hang_together(contacts, side) and not straddled(mesh, side, tuple(clear.values())):
-            tried.append((flat, area, abs(offset) / way, sections))
+        sections, flat, area = search.sections(side, way)
+        if sections and _sides_hang_together(search.contacts, side) and not straddled(search.mesh, side, search.whole):
+            tried.append((flat, area, _FAR * (abs(offset) / way), sections))
+    return _cheapest(tried) or []
+
+
+def _cheapest(tried: Sequence[tuple[float, float, float, T]]) -> T | None:
+    """The best of some tries, of which flatness, area and what their distance weighs are known; None of none."""
     if not tried:
-        return []
+        return None
     smallest = min(area for _, area, _, _ in tried)
-    cost = [RAGGED * (1.0 - flat) + LARGE * (area / smallest - 1.0) + _FAR * far for flat, area, far, _ in tried]
+    cost = [RAGGED * (1.0 - flat) + LARGE * (area / smallest - 1.0) + far for flat, area, far, _ in tried]
     return tried[int(np.argmin(np.round(cost, 9)))][3]
 
 
-def sections_between(mesh: Mesh, contacts: Contacts, side: IntArray) -> tuple[list[LoopSection], float, float]:
+def _across(contacts: Contacts, side: IntArray) -> BoolArray:
+    """Contacts (c,) between elements of the sides (e,) 0 and 1."""
+    ends = side[contacts.elements]
+    return (ends.min(axis=1) == 0) & (ends.max(axis=1) == 1)
+
+
+def _sections_between(mesh: Mesh, contacts: Contacts, side: IntArray) -> tuple[list[LoopSection], float, float]:
     """The connected sections between two sides (e,), 0 and 1; how flat the worst is, and the area of all, m².
 
     Flat is projected area over area, one for a plane.
     """
     ends = side[contacts.elements]
-    across = (ends.min(axis=1) == 0) & (ends.max(axis=1) == 1)
-    faces = np.flatnonzero(across & contacts.area.any(axis=1))
+    faces = np.flatnonzero(_across(contacts, side) & contacts.area.any(axis=1))
     if not faces.size:
         return [], 0.0, 0.0
     touch = contacts.incidence[faces]
@@ -262,19 +284,18 @@ def inner_sections(mesh: Mesh, anchored: IntArray, clear: Mapping[str, IntArray]
     list of LoopSection
         None where a loop stays without a slender section, or where there are too many.
     """
-    contacts = element_contacts(mesh)
+    search = _Search.of(mesh, anchored, clear)
     distance = distance_along(mesh, anchored)
     middle = element_means(mesh, distance)
     extent = np.concatenate([np.ptp(distance[block.connectivity], axis=1) for block in mesh.blocks])
     depth = max(1.2 * float(np.quantile(extent, _DEEP)), float(distance.max()) / _LEVELS)
     level = np.floor(middle / depth).astype(np.int64)
     held = np.concatenate([np.isin(block.connectivity, anchored).any(axis=1) for block in mesh.blocks])
-    closed = np.ones(len(contacts.elements), dtype=bool)
-    avoided = np.unique(np.concatenate([anchored, *clear.values()]))
+    closed = np.ones(len(search.contacts.elements), dtype=bool)
     found: list[LoopSection] = []
     while True:
-        piece, loops = _loops(contacts.elements[closed], level, middle, held, _SHORT * depth)
-        tried = (_best_inner(mesh, contacts, piece, one, middle, depth, avoided, clear, closed) for one in loops)
+        piece, loops = _loops(search.contacts.elements[closed], level, middle, held, _SHORT * depth)
+        tried = (_best_inner(search, piece, one, middle, depth, closed) for one in loops)
         opened = next((one for one in tried if one is not None), None)
         if opened is None:
             return found
@@ -330,39 +351,21 @@ def _way(parent: Mapping[int, int], piece: int) -> list[int]:
 
 
 def _best_inner(
-    mesh: Mesh,
-    contacts: Contacts,
-    piece: IntArray,
-    loop: _Loop,
-    middle: FloatArray,
-    depth: float,
-    avoided: IntArray,
-    clear: Mapping[str, IntArray],
-    closed: BoolArray,
+    search: _Search, piece: IntArray, loop: _Loop, middle: FloatArray, depth: float, closed: BoolArray
 ) -> tuple[LoopSection, BoolArray] | None:
     """The best section that opens a loop, and the contacts (c,) across it; none if nothing slender and clear does."""
-    tried = []
+    contacts, tried = search.contacts, []
     for arm in loop.arms:
         inside = np.isin(piece, arm)
         for offset in loop.way * np.linspace(0.0, _INNER_OFFSET, PLACES):
             side = np.where(inside, (middle >= loop.end - offset).astype(np.int64), -1)
-            sections, flat, area = sections_between(mesh, contacts, side)
-            slender = len(sections) == 1 and sections[0].width <= SLENDER * loop.way
-            if not slender or np.intersect1d(sections[0].nodes, avoided).size:
+            sections, flat, area = search.sections(side, loop.way)
+            if len(sections) != 1 or straddled(search.mesh, side, search.whole):
                 continue
-            ends = side[contacts.elements]
-            across = (ends.min(axis=1) == 0) & (ends.max(axis=1) == 1)
-            around = np.abs(middle - loop.end + offset) <= 2.0 * depth
-            if straddled(mesh, side, tuple(clear.values())) or _beside(
-                contacts, closed & ~across, around, side, across
-            ):
-                continue
-            tried.append((flat, area, offset / loop.way, sections[0], across))
-    if not tried:
-        return None
-    smallest = min(area for _, area, *_ in tried)
-    cost = [RAGGED * (1.0 - flat) + LARGE * (area / smallest - 1.0) + _INNER_FAR * far for flat, area, far, *_ in tried]
-    return tried[int(np.argmin(np.round(cost, 9)))][3:]
+            across, around = _across(contacts, side), np.abs(middle - loop.end + offset) <= 2.0 * depth
+            if not _beside(contacts, closed & ~across, around, side, across):
+                tried.append((flat, area, _INNER_FAR * (offset / loop.way), (sections[0], across)))
+    return _cheapest(tried)
 
 
 def _beside(contacts: Contacts, closed: BoolArray, around: BoolArray, side: IntArray, across: BoolArray) -> bool:
@@ -371,8 +374,5 @@ def _beside(contacts: Contacts, closed: BoolArray, around: BoolArray, side: IntA
     piece = linked_pieces(contacts.elements[near], side.size)
     ends = contacts.elements[across]
     first = side[ends[:, 0]] == 0
-    return bool(
-        np.intersect1d(
-            piece[np.where(first, ends[:, 0], ends[:, 1])], piece[np.where(first, ends[:, 1], ends[:, 0])]
-        ).size
-    )
+    here, there = np.where(first, ends[:, 0], ends[:, 1]), np.where(first, ends[:, 1], ends[:, 0])
+    return bool(np.intersect1d(piece[here], piece[there]).size)

@@ -240,10 +240,8 @@ def reduced_parts(
     pieces, bodies, ends = [], [], dict[str, _End]()
     spanned = np.zeros((model.fixed.size, 0)) if spanned is None else spanned
     for number, (part, own) in enumerate(zip(parts, configs, strict=True)):
-        report.detail(
-            f"part {number + 1} of {len(parts)}: {part.elements.size} elements, interfaces "
-            f"{', '.join(table.name for table in own.interfaces)}"
-        )
+        found = f"part {number + 1} of {len(parts)}: {part.elements.size} elements"
+        report.detail(f"{found}, interfaces {', '.join(table.name for table in own.interfaces)}")
         forces = [on_section(part, side, warping[side]) for side in part.sections]
         origin = (3 * part.origin[:, None] + np.arange(3)).ravel()
         piece = reduced_piece(own, part.model, report, store, part.springs, np.hstack(forces), spanned[origin])
@@ -276,17 +274,15 @@ def _ends(number: int, part: Part, piece: Reduced, widths: IntArray) -> dict[str
     return found
 
 
-def _spread(
-    matrices: Matrices, parts: Sequence[Part], shapes: Sequence[FloatArray], angular_frequency: FloatArray
-) -> FloatArray:
+def _spread(matrices: Matrices, parts: Sequence[Part], shapes: Sequence[FloatArray], omega: FloatArray) -> FloatArray:
     """`frequency_spread` of joined modes, by their shapes (3n_p, m) in each part: their mean on sections."""
     count = np.zeros(len(matrices.model.mesh.points))
-    whole = np.zeros((count.size, 3, angular_frequency.size))
+    whole = np.zeros((count.size, 3, omega.size))
     for part, own in zip(parts, shapes, strict=True):
         np.add.at(whole, part.origin, own.reshape(-1, *whole.shape[1:]))
         np.add.at(count, part.origin, 1.0)
     whole /= np.maximum(count, 1.0)[:, None, None]
-    return frequency_spread(matrices.supported, angular_frequency, whole.reshape(3 * count.size, -1))
+    return frequency_spread(matrices.supported, omega, whole.reshape(3 * count.size, -1))
 
 
 def _warping(names: Sequence[str], parts: Sequence[Part], fields: FloatArray) -> dict[str, FloatArray]:

@@ -416,7 +416,7 @@ def record(
             model = FlexibleBody(slim, limits=candidate.limits)
             words |= _costs(workshop, model)
             if timer is not None:
-                words |= _fmu_costs(workshop, timer, body, candidate, workshop.step(model))
+                words |= _by_fmu(workshop, timer, body, candidate, workshop.step(model))
         except RuntimeBodyError as error:
             failure = str(error)
     if failure:
@@ -439,12 +439,10 @@ def _costs(workshop: Workshop, model: FlexibleBody) -> dict[str, object]:
     }
 
 
-def _fmu_costs(
-    workshop: Workshop, timer: FmuTimer, body: ReducedBody, candidate: Candidate, step: float
-) -> dict[str, object]:
+def _by_fmu(workshop: Workshop, timer: FmuTimer, body: ReducedBody, model: Candidate, step: float) -> dict[str, object]:
     """What it costs through the FMU; a note where that does not run."""
     try:
-        times = timer.times(body, workshop.scene, step, candidate.variant, candidate.limits)
+        times = timer.times(body, workshop.scene, step, model.variant, model.limits)
     except SimulationError as error:
         workshop.report.warning(str(error))
         return {"note": str(error)}

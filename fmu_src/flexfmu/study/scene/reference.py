@@ -172,10 +172,8 @@ def _by_fine_model(scene: Scene, report: Reporter, store: Store) -> dict[str, Re
     doubt, accepted = float(kept["doubt"]), scene.file.tolerance.static.displacement
     report.note(f"the model to compare with is off by {100.0 * doubt:.2g} % in the static cases, by its own estimate")
     if doubt > _DOUBTFUL * accepted:
-        report.warning(
-            f"the model to compare with may be off by {100.0 * doubt:.2g} % in the static cases, where "
-            f"{100.0 * accepted:g} % are accepted: take --verify, or bring results"
-        )
+        why = f"the model to compare with may be off by {100.0 * doubt:.2g} % in the static cases"
+        report.warning(f"{why}, where {100.0 * accepted:g} % are accepted: take --verify, or bring results")
     words = f"reduced model, frames = {levels}, second order, all static shapes"
     return {
         case.name: Reference(kept[str(number)][:, scene.read_index], words, doubt=doubt)

@@ -180,18 +180,14 @@ def made_scene(file: SceneFile, path: Path, body: Path) -> Scene:
 
 
 def _digest(
-    file: SceneFile,
-    config: BodyFile,
-    read: Sequence[str],
-    static: Sequence[StaticCase],
-    moving: Sequence[TransientCase],
+    file: SceneFile, body: BodyFile, read: Sequence[str], static: Sequence[StaticCase], moving: Sequence[TransientCase]
 ) -> str:
     digest = hashlib.sha256()
     varied = {"mesh": {"file"}, "frames": True, "frame": True, "reduction": True, "formulation": True}
     # Keys that the file does not use, and that later versions may add, change nothing.
-    said = config.model_dump_json(exclude=varied, exclude_defaults=True)  # type: ignore[arg-type]
+    said = body.model_dump_json(exclude=varied, exclude_defaults=True)  # type: ignore[arg-type]
     digest.update(said.encode())
-    digest.update(Path(config.mesh.file).read_bytes())
+    digest.update(Path(body.mesh.file).read_bytes())
     digest.update(repr((tuple(read), file.tolerance, file.reference)).encode())
     for rest in static:
         digest.update(repr((rest.name, rest.factors)).encode() + rest.peak.packed(True).tobytes())
@@ -211,10 +207,8 @@ def _loaded(name: str, known: Sequence[str], where: str) -> str:
     if name in [f"{ACCELERATION}.{axis}" for axis in AXES]:
         return ACCELERATION
     if name not in load_names(known):
-        raise SceneError(
-            f"{where}: {name!r} is no input of the body; expected INTERFACE.force.AXIS or INTERFACE.moment.AXIS, as "
-            f'"{known[0]}.force.y", or "{ACCELERATION}.z"; its interfaces: {", ".join(known)}'
-        )
+        found = f"{where}: {name!r} is no input of the body; expected INTERFACE.force.AXIS or INTERFACE.moment.AXIS"
+        raise SceneError(f'{found}, as "{known[0]}.force.y", or "{ACCELERATION}.z"; its interfaces: {", ".join(known)}')
     return name.partition(".")[0]
 
 
