@@ -26,4 +26,13 @@ static inline double *take(Arena *arena, int64_t count) {
     return arena->start + at;
 }
 
+/* Ask for memory that is about to be used, all of it at once: where it is far away, each line would be waited for by itself. */
+static inline void fetch(const void *from, const void *end) {
+#if defined(__GNUC__)
+    for (const char *at = from; at < (const char *)end; at += 64) __builtin_prefetch(at);
+#else
+    (void)from, (void)end;
+#endif
+}
+
 #endif

@@ -482,6 +482,7 @@ enum { ON_THE_STACK = 2048 };
 
 static Answer step_on_the_stack(Instance *x, double time, double step, char *why) {
     double room[ON_THE_STACK];
+    fetch_step(x);
     Arena arena = {room, 0, ON_THE_STACK, 0};
     Overwritten over = take_overwritten(x, &arena);
     if (!arena.refused) x->over = &over;

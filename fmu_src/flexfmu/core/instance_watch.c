@@ -49,6 +49,17 @@ int prepare_looks(Instance *x) {
     return 1;
 }
 
+void fetch_step(const Instance *x) {
+    fetch(x->motion, x->single + S_COUNT);
+    if (!x->body) return;
+    fetch_body(x->body);
+    fetch(x->q, x->seen + x->loads + (steps_are_exact(x->body) ? 0 : 6 * x->modes));
+    if (x->single[S_LOOKING] == 0.0) return;
+    fetch(x->states, x->states + x->modes + x->loads);
+    fetch(x->pieces.arena.start, x->pieces.arena.start + LAID_OUT);
+    if (x->shadow) fetch(x->shadow, x->shadow->rules);
+}
+
 /* What a refused step means to the run. */
 Answer step_refused(const Instance *x) {
     return x->parameter[P_ON_STEP] == ON_REFUSAL_TERMINATE ? ANSWER_FAILED : ANSWER_REFUSED;

@@ -19,5 +19,7 @@ Answer inspect(Instance *instance, const double *q, const double *v, double step
 int prepare_looks(Instance *instance);
 /* What is still to be looked at. */
 void inspect_rest(Instance *instance);
+/* Ask for the memory that a step uses, and the slice of a look. */
+void fetch_step(const Instance *x);
 
 #endif

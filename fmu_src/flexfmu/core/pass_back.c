@@ -149,7 +149,7 @@ void take_load_slope(const Body *body, Arena *arena, LoadSlope *slope) {
     slope->total = take(arena, 3 * n);
     slope->about = take(arena, 3 * n);
     slope->change = take(arena, 3 * n * m);
-    slope->one = take(arena, 3 * m);
+    slope->one = take(arena, LANES * m);
     slope->other = take(arena, 3 * m);
     slope->square = take(arena, m * m);
 }
@@ -198,12 +198,12 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
             for (int64_t j = now.at * m; j < now.end * m; j++) out[j] += square[j];
             continue;
         }
-        /* Basisᵀ square basis, a row of the middle at a time. */
+        /* Basisᵀ square basis, some rows of the middle at a time. */
         const Rows now = rows_due(body->slice, r, (double)((m + r) * m));
-        for (int64_t i = now.at; i < now.end; i++) {
-            memset(one, 0, (size_t)m * sizeof(double));
-            add_rows(square + i * r, basis, one, r, m);
-            add_transposed_product(basis + i * m, one, out, 1, m, m);
+        for (int64_t i = now.at; i < now.end; i += LANES) {
+            const int64_t rows_now = now.end - i < LANES ? now.end - i : LANES;
+            product(square + i * r, basis, one, rows_now, r, m);
+            add_transposed_product(basis + i * m, one, out, rows_now, m, m);
         }
     }
 }
@@ -219,24 +219,32 @@ static void add_three_products(const Body *body, const double *a, const double *
             for (int64_t j = now.at; j < now.end; j++) add_rows(a + i * m + j, b + i * m, out + j * m, 1, m);
 }
 
-/* What turns with a node (3, m) as the loads on it and beyond it move. */
-static void turned_at(const Body *body, const Configuration *at, int64_t k, const Jacobians *of, const LoadSlope *room, double *one,
-                      double *other) {
+/* What turns with a node (3, m) as the loads on it and beyond it move: in the parent's axes, in `other`. */
+static void turned_in_parent(const Body *body, const Configuration *at, int64_t k, const Jacobians *of, const LoadSlope *room, double *one,
+                             double *other) {
     const Program *p = body->p;
     const int64_t m = p->modes, size = 3 * m, on = p->parent[k];
-    const double *parent = at->parent + 9 * k, *about = room->about + 3 * k;
-    double hat[9], local[3], slope[9];
+    double hat[9];
     skew(room->total + 3 * k, hat);
     apply_rows(hat, of->translation + k * size, one, m);
     for (int64_t j = 0; j < size; j++) one[j] += room->change[k * size + j];
     if (on >= 0) {
-        skew(about, hat);
+        skew(room->about + 3 * k, hat);
         apply_rows(hat, of->spin + on * size, other, m);
         for (int64_t j = 0; j < size; j++) one[j] += other[j];
     }
-    apply_back_rows(parent, one, other, m);
+    apply_back_rows(at->parent + 9 * k, one, other, m);
+}
+
+/* From there to the node's rotation vector, in `one`. */
+static void turned_at(const Body *body, const Configuration *at, int64_t k, const Jacobians *of, const LoadSlope *room, double *one,
+                      double *other) {
+    const Program *p = body->p;
+    const int64_t m = p->modes, size = 3 * m;
+    const double *about = room->about + 3 * k;
+    double local[3], slope[9];
     apply_back_rows(at->jacobian + 9 * k, other, one, m);
-    apply_back(parent, about, local);
+    apply_back(at->parent + 9 * k, about, local);
     if (p->turns && k == 0) {
         apply_back(at->jacobian, about, local);
         skew(local, slope);
@@ -248,7 +256,7 @@ static void turned_at(const Body *body, const Configuration *at, int64_t k, cons
 }
 
 /* Cost of what is done for each of a node's three rows of (m), in multiplications by the coordinate. */
-static const double PULLED = 12.0, TURNED = 28.0;
+static const double PULLED = 12.0, HALF_TURNED = 14.0;
 
 void add_load_stiffness(const Body *body, const Configuration *at, const double *force, const double *moment,
                         const Jacobians *of, LoadSlope *room, double *out) {
@@ -257,7 +265,7 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
     double *one = room->one, *other = room->other, hat[9];
     int64_t all = 2 * n;
     for (int64_t k = 0; k < n; k++) all -= p->parent[k] < 0;
-    if (passed(body->slice, 1 + 2 * n + (1 + m) * all)) {
+    if (passed(body->slice, 1 + 3 * n + (1 + m) * all)) {
         add_curvature_stiffness(body, room->rows, room, out);
         return;
     }
@@ -269,8 +277,8 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
     lever_changes(body, force, of->translation, room->change);
     for (int64_t k = 0; k < n && !over(body->slice); k++) {
         const int64_t on = p->parent[k];
-        const int64_t pieces = (1 + m) * (on >= 0 ? 2 : 1);
-        const double cost = (double)size * ((on >= 0 ? PULLED + (double)m : 0.0) + TURNED + (double)m);
+        const int64_t pieces = 1 + (1 + m) * (on >= 0 ? 2 : 1);
+        const double cost = (double)size * ((on >= 0 ? PULLED + (double)m : 0.0) + 2.0 * HALF_TURNED + (double)m);
         if (dealt_with(body->slice, pieces, cost / (double)pieces)) continue;
         if (on >= 0) {
             if (due(body->slice, PULLED * (double)size)) {
@@ -280,7 +288,8 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
             }
             add_three_products(body, of->operator_ + k * size, other, out);
         }
-        if (due(body->slice, TURNED * (double)size)) turned_at(body, at, k, of, room, one, other);
+        if (due(body->slice, HALF_TURNED * (double)size)) turned_in_parent(body, at, k, of, room, one, other);
+        if (due(body->slice, HALF_TURNED * (double)size)) turned_at(body, at, k, of, room, one, other);
         add_three_products(body, of->operator_ + (n + k) * size, one, out);
     }
     if (!over(body->slice)) add_curvature_stiffness(body, room->rows, room, out);

@@ -234,6 +234,11 @@ static int step_in_workspace(Body *body, const double *inputs, const double *inp
     return FLEX_OK;
 }
 
+void fetch_body(const Body *body) {
+    fetch(body, body->rules);
+    fetch(body->deformed.q, body->p->frames ? body->rate + body->p->modes : body->deformed.q + body->p->modes);
+}
+
 int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
               int64_t *hint, Work *work) {
     double room[ON_STACK];

@@ -14,4 +14,7 @@ int steps_are_exact(const Body *body);
 int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
                           int64_t *hint, Work *work);
 
+/* Ask for the memory that a step uses. */
+void fetch_body(const Body *body);
+
 #endif

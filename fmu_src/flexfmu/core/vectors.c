@@ -80,7 +80,19 @@ COMPILE(void, add_product,
         (a, stride, b, out, n, m, k))
 
 ALIKE void add_transposed_product_body(const double *a, const double *b, double *restrict out, int64_t n, int64_t m, int64_t k) {
-    for (int64_t i = 0; i < n; i++)
+    int64_t i = 0;
+    /* Four rows in one pass over `out`, one after the other: the same sums. */
+    for (; i + 4 <= n; i += 4)
+        for (int64_t j = 0; j < m; j++) {
+            const double *each = a + i * m + j, *row = b + i * k;
+            const double p = each[0], q = each[m], r = each[2 * m], s = each[3 * m];
+            double *target = out + j * k;
+            if (p == 0.0 && q == 0.0 && r == 0.0 && s == 0.0) continue;
+            COUNT(8 * k);
+            for (int64_t l = 0; l < k; l++)
+                target[l] = (((target[l] + p * row[l]) + q * row[k + l]) + r * row[2 * k + l]) + s * row[3 * k + l];
+        }
+    for (; i < n; i++)
         for (int64_t j = 0; j < m; j++) {
             const double factor = a[i * m + j];
             const double *row = b + i * k;
