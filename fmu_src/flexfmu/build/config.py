@@ -279,10 +279,9 @@ class BodySpec(Table):
         names = [b.toward for b in self.branch]
         for name in names:
             if name not in ends:
-                raise ValueError(
-                    f"[[branch]] leads toward {name!r}, expected an interface"
-                    f"{' or the nodes of a [[cut]]' if self.cut else ''}: {', '.join(ends)}"
-                )
+                found = f"[[branch]] leads toward {name!r}"
+                expected = f"an interface{' or the nodes of a [[cut]]' if self.cut else ''}: {', '.join(ends)}"
+                raise ValueError(f"{found}, expected {expected}")
             if names.count(name) > 1:
                 raise ValueError(f"two [[branch]] tables lead toward {name!r}: put the joints into one")
 

@@ -151,10 +151,9 @@ def _table_case(body: FlexibleBody, table: Path, shapes: int, report: Reporter) 
     names, values = read_table(table)
     moved = motions.motion_columns(body, names)
     if not moved:
-        raise FlexfmuError(
-            f"{table} has no column such as {body.model.interface_names[0]}.displacement.x: expected the results of a "
-            "run; the motion under a table of loads is shown by flexfmu simulate --view"
-        )
+        found = f"{table} has no column such as {body.model.interface_names[0]}.displacement.x"
+        advice = "expected the results of a run; the motion under a table of loads is shown by flexfmu simulate --view"
+        raise FlexfmuError(f"{found}: {advice}")
     some = _spread(len(values), shapes)
     states = motions.shapes_of_least_energy(body, moved, values[some, 1:], report)
     return motions.motion_case(body, table.name, states, [*values[some, 0]])

@@ -136,10 +136,9 @@ def check_unpacked(path: Path) -> None:
         unpacked = sum(entry.file_size for entry in archive.infolist())
     packed = path.stat().st_size
     if unpacked > max(_UNPACKED, _RATIO * packed):
-        raise FlexfmuError(
-            f"{path}: {packed / 1e6:.3g} MB unpack to {unpacked / 1e6:.3g} MB, expected at most "
-            f"{max(_UNPACKED, _RATIO * packed) / 1e6:.3g}: take large files out of the archive"
-        )
+        found = f"{path}: {packed / 1e6:.3g} MB unpack to {unpacked / 1e6:.3g} MB"
+        expected = f"at most {max(_UNPACKED, _RATIO * packed) / 1e6:.3g}: take large files out of the archive"
+        raise FlexfmuError(f"{found}, expected {expected}")
 
 
 _HEADER = re.compile(r"^(?P<name>[^\[\]()]*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]$")

@@ -102,9 +102,7 @@ def read_toml(path: Path, error_type: type[FlexfmuError], wanted: Kind) -> dict[
     return data
 
 
-def validated(
-    model: type[File], data: Any, error_type: type[FlexfmuError], document: str, path: Path | None = None
-) -> File:
+def validated(model: type[File], data: Any, kind: type[FlexfmuError], document: str, path: Path | None = None) -> File:
     """The contents of a file after all of them are checked.
 
     Parameters
@@ -112,7 +110,7 @@ def validated(
     model : type of Table
         Of the whole file.
     data : dict
-    error_type : type of FlexfmuError
+    kind : type of FlexfmuError
         What is raised where keys are wrong: it tells all of them, with what was found and what would do.
     document : str
         Where the keys are described.
@@ -127,7 +125,7 @@ def validated(
         return model.model_validate(data)
     except ValidationError as error:
         place = "" if path is None else f"{path}:\n  "
-        raise error_type(place + explain(error, model, data, document)) from error
+        raise kind(place + explain(error, model, data, document)) from error
 
 
 def explain(error: ValidationError, model: type[BaseModel], data: Any, document: str) -> str:

@@ -72,9 +72,7 @@ def package_fmu(
             archive.writestr(entry, contents[name], way)
 
 
-def cores_for(
-    runtime: Runtime, platforms: Sequence[str] = (), report: Reporter | None = None, fmi: int = 2
-) -> dict[str, bytes]:
+def cores_for(runtime: Runtime, platforms: Sequence[str], report: Reporter | None, fmi: int) -> dict[str, bytes]:
     """Cores that an FMU carries, by file name; those of other platforms are compiled when they are first asked for.
 
     Parameters
@@ -82,7 +80,7 @@ def cores_for(
     runtime : Runtime
     platforms : sequence of str
         As of `package_fmu`.
-    report : Reporter, optional
+    report : Reporter or None
     fmi : int
 
     Returns

@@ -127,10 +127,9 @@ class GivenModes:
         """
         mesh = checked(mesh)
         if kinds := sorted({block.type.value for block in mesh.blocks if block.type.natural}):
-            raise GivenModesError(
-                f"the mesh holds {', '.join(kinds)}: nodes of shells and beams turn, which these modes do not tell; "
-                "give GivenModes their nodes, translations and lumped masses, without cells"
-            )
+            found = f"the mesh holds {', '.join(kinds)}: nodes of shells and beams turn, which these modes do not tell"
+            advice = "give GivenModes their nodes, translations and lumped masses, without cells"
+            raise GivenModesError(f"{found}; {advice}")
         order = np.argsort(labels)
         place = np.searchsorted(np.asarray(labels)[order], mesh.labels)
         there = order[np.minimum(place, len(order) - 1)]

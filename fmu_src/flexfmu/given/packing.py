@@ -197,7 +197,7 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
     shapes = given.modes[:, rows].reshape(len(given.modes), -1).T
     options = replace(spec.options, variant=variant, stored=frozenset())
     model = _model(given, mesh, options, shapes, rows)
-    subdomains = _subdomains(given, options, model, rows, report)
+    subdomains = _frames(given, options, model, rows, report)
     interfaces = [fit_interface(one, mesh, subdomains) for one in options.interfaces]
     frames = frame_operators(mesh.points, shapes, subdomains)
     frequency = 2.0 * np.pi * given.frequency
@@ -266,16 +266,13 @@ def _model(given: GivenModes, mesh: Mesh, options: BodyOptions, shapes: FloatArr
     if rigid.shape[1] and options.supports:
         raise BodyFileError("the modes are those of a body that nothing holds: take out the supports")
     if not rigid.shape[1] and not fixed.any():
-        raise BodyFileError(
-            "no node is held by all modes, and they are not those of a free body: name the nodes from which the body's "
-            "frames hang (support = …), such as those of its springs"
-        )
+        found = "no node is held by all modes, and they are not those of a free body"
+        advice = "name the nodes from which the body's frames hang (support = …), such as those of its springs"
+        raise BodyFileError(f"{found}: {advice}")
     return Model(mesh, fixed, np.zeros(fixed.shape), rigid, np.zeros(fixed.shape))
 
 
-def _subdomains(
-    given: GivenModes, options: BodyOptions, model: Model, rows: IntArray, report: Reporter
-) -> list[Subdomain]:
+def _frames(given: GivenModes, options: BodyOptions, model: Model, rows: IntArray, report: Reporter) -> list[Subdomain]:
     """Frames: of elements where there are some; of nodes alone one frame, or those of node sets."""
     points = model.mesh.points
     mass = given.nodal_mass[rows]

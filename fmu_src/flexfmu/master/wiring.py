@@ -328,10 +328,9 @@ def _link(number: int, link: ConnectionTable, descriptions: Described) -> tuple[
         if variable.type != "Real":
             raise SimulationError(f"{key}: {text} is of type {variable.type}; only Real variables can be connected")
     if link.factor is None and layout.units_differ(source, output, target, name):
-        raise SimulationError(
-            f"{key}: {link.source} is in {source.unit(output)}, {link.target} in {target.unit(name)}; connect "
-            "variables of one unit, or give the factor that turns the one into the other"
-        )
+        found = f"{key}: {link.source} is in {source.unit(output)}, {link.target} in {target.unit(name)}"
+        advice = "connect variables of one unit, or give the factor that turns the one into the other"
+        raise SimulationError(f"{found}; {advice}")
     return source, output, target, name
 
 

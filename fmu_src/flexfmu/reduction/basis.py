@@ -186,9 +186,7 @@ def _kept(matrices: Matrices, key: str, title: str, words: str, find: Callable[[
     return Modes(arrays["angular_frequency"], arrays["shapes"], float(orthonormality), float(error), bool(splits))
 
 
-def stiffness_by_load(
-    matrices: Matrices, modes: Modes, modes_key: str, loads: FloatArray, acceleration: bool
-) -> FloatArray:
+def stiffness_by_load(matrices: Matrices, modes: Modes, modes_key: str, loads: FloatArray, heavy: bool) -> FloatArray:
     """Geometric stiffness of unit loads.
 
     Parameters
@@ -199,7 +197,7 @@ def stiffness_by_load(
         As of `modal_basis`.
     loads : (3n, 6I) float
         Forces of all interfaces, then moments.
-    acceleration : bool
+    heavy : bool
         Whether unit accelerations of the supports come after them.
 
     Returns
@@ -210,12 +208,12 @@ def stiffness_by_load(
     def make() -> FloatArray:
         model = matrices.supported
         # What the mass of the body does under a unit acceleration of its supports.
-        every = np.hstack([loads, -model.inertia]) if acceleration else loads
+        every = np.hstack([loads, -model.inertia]) if heavy else loads
         with matrices.report.stage(f"Geometric stiffness of {every.shape[1]} unit loads"):
             fields = model.whole(model.static(model.forces(every)))
             return geometric_stiffness(matrices.model.mesh, fields, modes.shapes)
 
-    key = content_key(__name__, "by load", modes_key, loads, acceleration)
+    key = content_key(__name__, "by load", modes_key, loads, heavy)
     return matrices.kept(key, "geometric stiffness by load", make)
 
 

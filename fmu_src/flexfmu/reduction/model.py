@@ -391,10 +391,9 @@ def _free_motions(mesh: Mesh, held: BoolArray, may_float: bool) -> FloatArray:
             floating = ", or let it float with free = true" if parts == 1 else ", or join the parts to share nodes"
             if len(within) < len(mesh.springs):
                 floating += "; parts that springs alone join are bodies of their own: join them by flexfmu couple"
-            raise ModelError(
-                f"{which} is free to move in {motions.shape[1]} rigid motions: the supports hold "
-                f"{held[nodes].sum()} of its translations; add a [[support]]{floating}"
-            )
+            fault = f"{which} is free to move in {motions.shape[1]} rigid motions"
+            advice = f"the supports hold {held[nodes].sum()} of its translations; add a [[support]]{floating}"
+            raise ModelError(f"{fault}: {advice}")
         found = motions
     if may_float and not found.shape[1]:
         raise ModelError("free = true, but the supports hold the body: take out the key, or the supports")

@@ -329,10 +329,9 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
             lower = np.linalg.cholesky(modes.T @ (m @ modes))
             modes = scipy.linalg.solve_triangular(lower, modes.T, lower=True).T
     except np.linalg.LinAlgError as error:
-        raise AccuracyError(
-            f"the modes are not independent of each other ({error}); look for parts that hang on the rest by a single "
-            "edge or corner, or ask for fewer modes"
-        ) from error
+        found = f"the modes are not independent of each other ({error})"
+        advice = "look for parts that hang on the rest by a single edge or corner, or ask for fewer modes"
+        raise AccuracyError(f"{found}; {advice}") from error
     softest = np.abs(modes[:, 0])
     # Its indices are no copies.
     sizes = sp.csr_array((np.abs(k.data), k.indices, k.indptr), shape=k.shape)

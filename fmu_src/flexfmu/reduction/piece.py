@@ -313,10 +313,9 @@ def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[
     if model.fixed[interface.nodes].all():
         report.doubt(f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing")
     if interface.nodes.size > _MOST * len(points):
-        report.doubt(
-            f"interface {interface.name!r} has {interface.nodes.size} of the body's {len(points)} nodes: "
-            "its motion is an average over all of it; take the nodes where the body is joined to others"
-        )
+        found = f"interface {interface.name!r} has {interface.nodes.size} of the body's {len(points)} nodes"
+        advice = "its motion is an average over all of it; take the nodes where the body is joined to others"
+        report.doubt(f"{found}: {advice}")
     if interface.frame >= 0 and not subdomains[interface.frame].floating:
         told = np.setdiff1d(interface.nodes, interface.added)
         beyond = np.setdiff1d(told, subdomains[interface.frame].body.nodes).size

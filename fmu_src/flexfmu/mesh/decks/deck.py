@@ -266,10 +266,9 @@ def _refuse_structures(content: _Content, deck: Deck) -> None:
         if card.key in (structures.KEY, *structures.KEYS):
             continue
         if "ELSET" in card.parameters and deck.members(card):
-            raise card.line.error(
-                f"*{card.keyword} makes a membrane or frame of elements of set '{card.parameters['ELSET']}': only "
-                "solids, shells and beams are supported; mesh this part of the body with these"
-            )
+            found = f"*{card.keyword} makes a membrane or frame of elements of set '{card.parameters['ELSET']}'"
+            advice = "only solids, shells and beams are supported; mesh this part of the body with these"
+            raise card.line.error(f"{found}: {advice}")
 
 
 def _transformed(content: _Content, node_sets: SetTable, points: FloatArray) -> dict[int, FloatArray]:

@@ -327,7 +327,6 @@ def _integers(line: Line) -> list[int]:
 
 
 def _miscounted(line: Line, row: list[int], name: str, node_count: int) -> DeckError:
-    return line.error(
-        f"element {row[0]} has {len(row) - 1} nodes, expected {node_count} for {name}; "
-        f"correct the row or the element type (rows that go on in the next line end with a comma)"
-    )
+    found = f"element {row[0]} has {len(row) - 1} nodes, expected {node_count} for {name}"
+    advice = "correct the row or the element type (rows that go on in the next line end with a comma)"
+    return line.error(f"{found}; {advice}")

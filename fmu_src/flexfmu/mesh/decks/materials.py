@@ -208,10 +208,9 @@ class DeckMaterials:
         kind = card.parameters.get("TYPE", "ISO").upper()
         count = _COUNTS.get(kind.replace(" ", ""))
         if count is None:
-            raise card.line.error(
-                f"*ELASTIC, TYPE={kind} is not supported; give ISOTROPIC, ENGINEERING CONSTANTS, ORTHOTROPIC or "
-                "ANISOTROPIC constants"
-            )
+            found = f"*ELASTIC, TYPE={kind} is not supported"
+            advice = "give ISOTROPIC, ENGINEERING CONSTANTS, ORTHOTROPIC or ANISOTROPIC constants"
+            raise card.line.error(f"{found}; {advice}")
         rows = -(-count // _ROW)
         values = [number(text, line, f"each of {_WORDS[count]}") for line in card.data[:rows] for text in fields(line)]
         if not count <= len(values) <= count + 1:

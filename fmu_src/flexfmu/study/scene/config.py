@@ -137,10 +137,9 @@ def check_steps(duration: float, step: float) -> None:
     ValueError
     """
     if duration > MOST_STEPS * step:
-        raise ValueError(
-            f"a duration of {duration:g} s has {duration / step:.3g} steps of {step:g} s, expected at most "
-            f"{MOST_STEPS:g}; take longer steps, or a shorter piece of the motion"
-        )
+        found = f"a duration of {duration:g} s has {duration / step:.3g} steps of {step:g} s"
+        expected = f"at most {MOST_STEPS:g}; take longer steps, or a shorter piece of the motion"
+        raise ValueError(f"{found}, expected {expected}")
 
 
 class AcceptedTable(Table):
