@@ -1,4 +1,4 @@
-"""Bodies of a third blind trial: many interfaces need more pairs of motions; stretch that bends is not told of."""
+"""Bodies of a third blind trial: many interfaces, stretch that bends, a panel on two hinges."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from demo.mesh_tools import BrickMesh, Material, box_mesh
 
 from benchmarks.defaults.bodies import PLASTIC
-from benchmarks.defaults.body import Body, about, below, both, either, near
+from benchmarks.defaults.body import Body, about, above, below, both, either, near
 from benchmarks.defaults.shapes import FloatArray, kept, lines
 
 _ALUMINIUM = Material("ALUMINIUM", 7e10, 0.33, 2700.0)
@@ -77,4 +77,22 @@ def bossed_strip() -> Body:
     return Body("bossed_strip", mesh, about(0, [-0.03, 0.03], 1e-7), {"boss": near(2, 0.0066)}, cases, _ALUMINIUM)
 
 
-THIRD = (trivet, pergola, bossed_strip)
+def door() -> Body:
+    """Thin panel on two hinges, pulled at its lock and at a corner."""
+    x = lines((0.0, 0.4, 14))
+    y = lines((-0.35, -0.27, 3), (-0.27, -0.23, 2), (-0.23, -0.05, 6), (-0.05, 0.0, 2))
+    mesh = box_mesh(x, np.concatenate([y, -y[-2::-1]]), lines((0.0, 0.0015, 1)))
+    cases = {
+        "lock": {"lock": (0.0, 0.0, 150.0)},
+        "corner": {"corner": (0.0, 0.0, 110.0)},
+        "both": {"lock": (0.0, 0.0, 150.0), "corner": (0.0, 0.0, -60.0)},
+    }
+    ends = {
+        "lock": both(near(0, 0.4), about(1, [0.0], 0.0501)),
+        "corner": both(near(0, 0.4), above(1, 0.269)),
+    }
+    hinges = both(near(0, 0.0), about(1, [-0.25, 0.25], 0.0201))
+    return Body("door", mesh, hinges, ends, cases)
+
+
+THIRD = (trivet, pergola, bossed_strip, door)

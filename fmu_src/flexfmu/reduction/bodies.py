@@ -391,7 +391,7 @@ def finer_shadow(config: BodyOptions, levels: int) -> BodyOptions:
         frames=(),
         branches=(),
         stress=(),
-        membrane="stretching",
+        membrane="finer",
         variant=Variant(Method.SECOND_ORDER),
         stored=frozenset({Data.SECOND_ORDER}),
         surface=False,

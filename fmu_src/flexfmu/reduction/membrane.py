@@ -12,6 +12,7 @@ material by far more than the square of its angle stay coordinates, and the ener
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -50,8 +51,11 @@ _SHOWN = 0.5
 # Relative size below which a shape of w is no other than those before: at 1e-2 the limit load of an arch was 0.6 % low
 # with forty modes, 0.09 % with twenty.
 _SAME = 2e-3
-# Part of the largest energy of pairs of coordinates, each of unit energy, up to which a combination of them is nothing.
-TOLERANCE = 3e-3
+# Part of the largest energy of pairs of coordinates up to which a combination of them is nothing: of stretching, whose
+# largest may be many times what bends the body, in a shadow and else, and of flattening, which gives way without bound:
+# at 1e-4 a parallelogram of leaves had no equilibrium at a quarter of its length. A panel on two hinges was 2.9 % off
+# at 3e-3, unseen by its shadow; at 1e-4 1.6, 2.6 by a shadow at 1e-5.
+_FINER, _STRETCH, _FLATTENED = 1e-5, 1e-4, 3e-3
 
 
 @dataclass(frozen=True)
@@ -113,15 +117,15 @@ class Stretching:
         rest = np.diag(_AMPLITUDE * np.linalg.norm(self.motions, axis=1).min() * turns)
         return np.linalg.svd(np.concatenate([self.motions, rest]), full_matrices=False)[2][:most].T
 
-    def _forms(self, energies: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
-        """Forms (r, p) whose squares add up to an energy (p, p) of pairs of coordinates, but for what is nothing."""
+    def _forms(self, energies: FloatArray, first: IntArray, second: IntArray, least: float) -> FloatArray:
+        """Forms (r, p) whose squares add up to an energy (p, p) of pairs of coordinates, but for small ones."""
         norms, motions = np.linalg.norm(self.motions, axis=1), self.motions @ self._directions
         # How large coordinates of unit energy get in motions that turn by `_TURN`.
         size = _TURN * np.maximum(np.abs(motions).max(axis=0), _AMPLITUDE * norms.min())
         # Pairs of two coordinates stand for two.
         root = np.where(first == second, 1.0, np.sqrt(2.0)) * size[first] * size[second]
         values, vectors = np.linalg.eigh(energies * np.outer(root, root))
-        kept = values > max(TOLERANCE * values[-1], _LEAST * 0.5 * (_TURN * norms.min()) ** 2)
+        kept = values > max(least * values[-1], _LEAST * 0.5 * (_TURN * norms.min()) ** 2)
         return (vectors[:, kept] * np.sqrt(values[kept]) / root[:, None]).T
 
     def _flattening(self, fields: FloatArray, pairs: IntArray) -> FloatArray:
@@ -133,7 +137,7 @@ class Stretching:
         )
         return 0.5 * (fourth.released(forces, f"Static response to {len(pairs)} flattenings") - held.T @ held)
 
-    def membrane(self, stretching: bool, flattening: bool, keep_shapes: bool) -> Membrane:
+    def membrane(self, stretching: bool, flattening: bool, keep_shapes: bool, least: float) -> Membrane:
         """Stretches of the whole basis.
 
         Parameters
@@ -142,6 +146,8 @@ class Stretching:
             Which of both energies.
         keep_shapes : bool
             Whether shapes of w may stay coordinates.
+        least : float
+            Part of the largest energy up to which a stretch is left out.
 
         Returns
         -------
@@ -156,7 +162,7 @@ class Stretching:
         forms, linear, signs = [], [], []
         if stretching:
             energies, forces = self._fourth.stretching(fields, pairs)
-            forms.append(self._forms(energies, first, second))
+            forms.append(self._forms(energies, first, second, least))
             if keep_shapes:
                 # w = −C(q, q).
                 against = unit.T @ forces
@@ -165,7 +171,7 @@ class Stretching:
                 linear = [np.zeros((len(forms[0]), count)), shapes.T / np.sqrt(2.0)]
             signs = [np.ones(len(rows)) for rows in forms]
         if flattening:
-            forms.append(self._forms(self._flattening(fields, pairs), first, second))
+            forms.append(self._forms(self._flattening(fields, pairs), first, second, _FLATTENED))
             signs.append(-np.ones(len(forms[-1])))
         linear += [np.zeros((len(rows), count)) for rows in forms[len(linear) :]]
         found = np.zeros((sum(map(len, forms)), directions.shape[1], directions.shape[1]))
@@ -210,7 +216,7 @@ class Stretching:
 
 
 def membrane_energy(
-    stretching: Stretching, modes_key: str, asked: tuple[bool, bool] | None, keep_shapes: bool
+    stretching: Stretching, modes_key: str, wanted: bool | Literal["auto", "finer"], keep_shapes: bool
 ) -> Membrane | None:
     """Stretches of a body, where it stretches when it bends or the body file asks for them.
 
@@ -219,8 +225,8 @@ def membrane_energy(
     stretching : Stretching
     modes_key : str
         As of `basis.modal_basis`.
-    asked : tuple of bool, or None
-        Whether energy of stretching, and of flattening, is to be there whatever it holds; None: where it holds enough.
+    wanted : bool, "auto" or "finer"
+        As of `BodyOptions`.
     keep_shapes : bool
         As of `Stretching.membrane`.
 
@@ -229,10 +235,8 @@ def membrane_energy(
     Membrane or None
     """
     matrices, report = stretching.matrices, stretching.matrices.report
-    key = content_key(__name__, modes_key, stretching.loads, keep_shapes)
-    if asked is not None:
-        stretched, flattened = asked
-    else:
+    stretched, flattened, least = bool(wanted), wanted is True, _FINER if wanted == "finer" else _STRETCH
+    if wanted == "auto":
         forces = stretching.loads[:, : stretching.loads.shape[1] // 2]
         held, freed = energy_shares(matrices, forces).tolist()
         stretched, flattened = held > _NOTHING, freed > _FLAT and held < _SHELL
@@ -240,14 +244,15 @@ def membrane_energy(
             "membrane energy over that of bending at a turn of 1 rad (rms): "
             f"{held:.2g} of stretching, {_taken(stretched)}; {freed:.2g} of flattening, {_taken(flattened)}"
         )
-        if not stretched and not flattened:
-            return None
+    if not stretched and not flattened:
+        return None
+    key = content_key(__name__, modes_key, stretching.loads, keep_shapes, stretched, flattened, least)
 
     def make() -> dict[str, FloatArray]:
-        made = stretching.membrane(stretched, flattened, keep_shapes)
+        made = stretching.membrane(stretched, flattened, keep_shapes, least)
         return {"quadratic": made.quadratic, "linear": made.linear, "sign": made.sign}
 
-    membrane = Membrane(**matrices.store.arrays(f"{key}-{stretched}-{flattened}", "membrane energy", report, make))
+    membrane = Membrane(**matrices.store.arrays(key, "membrane energy", report, make))
     report.detail(membrane.words)
     return membrane
 

@@ -177,7 +177,8 @@ class BodyOptions:
         Whether loops are cut if it pays.
     stress : tuple of StressElements
     basis : BasisOptions
-    membrane : bool, "auto" or "stretching"
+    membrane : bool, "auto" or "finer"
+        Energy of stretching and flattening, where it holds enough, or, for a shadow, stretching down to less of it.
     variant : Variant
         That the body starts with.
     stored : frozenset of Data
@@ -207,7 +208,7 @@ class BodyOptions:
     may_cut: bool = False
     stress: tuple[StressElements, ...] = ()
     basis: BasisOptions = BasisOptions()
-    membrane: bool | Literal["auto", "stretching"] = "auto"
+    membrane: bool | Literal["auto", "finer"] = "auto"
     variant: Variant = _DEFAULT
     stored: frozenset[Data] = frozenset()
     acceleration: bool = False

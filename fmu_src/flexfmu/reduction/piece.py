@@ -381,11 +381,8 @@ def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) 
 
 def _membrane(divided: _Divided, basis: _Basis, loads: FloatArray) -> Membrane | None:
     """The energy of fourth order, where it is wanted and the body holds any; parts of a cut one keep no shapes."""
-    wanted = divided.config.membrane
-    if wanted is False:
-        return None
-    asked = None if wanted == "auto" else (True, wanted is True)
-    membrane = membrane_energy(Stretching(basis.matrices, basis.modes, loads), basis.key, asked, not divided.cut)
+    stretching = Stretching(basis.matrices, basis.modes, loads)
+    membrane = membrane_energy(stretching, basis.key, divided.config.membrane, not divided.cut)
     if membrane is not None and divided.open_loops:
         found = f"{len(divided.subdomains)} frames open a loop that stretches, one frame keeps it closed"
         basis.matrices.report.warning(f'{found}: take frames = 1, or cut = "auto"')
