@@ -52,10 +52,11 @@ _SHOWN = 0.5
 # with forty modes, 0.09 % with twenty.
 _SAME = 2e-3
 # Part of the largest energy of pairs of coordinates up to which a combination of them is nothing: of stretching, whose
-# largest may be many times what bends the body, in a shadow and else, and of flattening, which gives way without bound:
-# at 1e-4 a parallelogram of leaves had no equilibrium at a quarter of its length. A panel on two hinges was 2.9 % off
-# at 3e-3, unseen by its shadow; at 1e-4 1.6, 2.6 by a shadow at 1e-5.
-_FINER, _STRETCH, _FLATTENED = 1e-5, 1e-4, 3e-3
+# largest may be many times what bends the body, in a shadow, in a body and in parts of a cut one, of which an axle has
+# 208 at 1e-4 and 156 at 3e-3; and of flattening, which gives way without bound: at 1e-4 a parallelogram of leaves had
+# no equilibrium at a quarter of its length. A panel on two hinges was 2.9 % off at 3e-3, unseen by its shadow; at 1e-4
+# 1.6, 2.6 by a shadow at 1e-5.
+_FINER, _STRETCH, _OF_PARTS, _FLATTENED = 1e-5, 1e-4, 3e-3, 3e-3
 
 
 @dataclass(frozen=True)
@@ -235,7 +236,9 @@ def membrane_energy(
     Membrane or None
     """
     matrices, report = stretching.matrices, stretching.matrices.report
-    stretched, flattened, least = bool(wanted), wanted is True, _FINER if wanted == "finer" else _STRETCH
+    stretched, flattened, least = bool(wanted), wanted is True, _STRETCH if keep_shapes else _OF_PARTS
+    if wanted == "finer":
+        least = _FINER
     if wanted == "auto":
         forces = stretching.loads[:, : stretching.loads.shape[1] // 2]
         held, freed = energy_shares(matrices, forces).tolist()
