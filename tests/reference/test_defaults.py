@@ -8,6 +8,7 @@ from benchmarks.defaults.measure import measure
 from benchmarks.defaults.published import EVERY
 from benchmarks.defaults.run_calculix import RESULTS, motion
 from benchmarks.defaults.table import RECORDS, RIGHT, answered, error, summary, told
+from benchmarks.defaults.third import THIRD
 from benchmarks.defaults.transients import FORCES, spun_up, sudden
 from benchmarks.records import read_records
 from scipy.spatial.transform import Rotation
@@ -16,9 +17,10 @@ BODIES = {make.__name__: make for make in EVERY}
 SIMPLE, QUICK = ("fork", "stocky_rod"), ("stocky_rod",)
 # Thin ones that warp or evade sideways, curved, branched, looped, soft beside stiff, of tetrahedra.
 SAMPLE = ("angle", "chain_link", "channel", "cross", "elbow", "fork", "gutter", "rubber_mount", "strip", "wishbone")
-# Of the kept record: the share of points that is right, and alarms without cause. None is wrong in silence but of these
-# bodies, by so much at most: tension beside a boss on one face.
-RIGHT_SHARE, FALSE_ALARMS = 0.895, 11
+# Of the kept record: the share of points that is right, of bodies of the third trial, kept for what was wrong with them,
+# and of all others; and alarms without cause. None is wrong in silence but of these bodies, by so much at most: tension
+# beside a boss on one face.
+RIGHT_SHARE, FALSE_ALARMS = {True: 0.6, False: 0.905}, 11
 SILENT = {"bossed_strip": 0.05}
 
 
@@ -113,9 +115,12 @@ def test_every_body_has_records_of_every_point():
 
 def test_no_more_points_of_the_record_are_silent_and_no_fewer_right_than_before():
     assert all(off < SILENT.get(body, 0.0) for (body, *_), off in silent().items())
-    found = summary([row for row in read_records(RECORDS) if row["body"] not in SILENT])
+    kept, third = read_records(RECORDS), {make.__name__ for make in THIRD}
+    for chosen, share in RIGHT_SHARE.items():
+        found = summary([row for row in kept if (row["body"] in third) is chosen])
+        assert found["right"] >= share * found["points"]
+    found = summary([row for row in kept if row["body"] not in SILENT])
     assert found["silent"] == found["silent_beyond_3"] == 0
-    assert found["right"] >= RIGHT_SHARE * found["points"]
     assert found["false_alarms"] <= FALSE_ALARMS
     assert found["certified_right"] >= 0.97 * found["certified"]
 
