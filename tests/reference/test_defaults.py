@@ -17,9 +17,9 @@ BODIES = {make.__name__: make for make in EVERY}
 SIMPLE, QUICK = ("fork", "stocky_rod"), ("stocky_rod",)
 # Thin ones that warp or evade sideways, curved, branched, looped, soft beside stiff, of tetrahedra.
 SAMPLE = ("angle", "chain_link", "channel", "cross", "elbow", "fork", "gutter", "rubber_mount", "strip", "wishbone")
-# Of the kept record: the share of points that is right, of the third trial, kept for what is wrong with its
-# bodies, and of all others; and alarms without cause. None is wrong in silence but of these bodies, by so much at most: tension
-# beside a boss on one face.
+# Of the kept record: the share of points that is right, of the third trial, kept for what is wrong with its bodies, and
+# of others; and alarms without cause. None is wrong in silence but of these bodies, by so much at most: tension beside
+# a boss on one face.
 RIGHT_SHARE, FALSE_ALARMS = {True: 0.6, False: 0.905}, 11
 SILENT = {"bossed_strip": 0.05}
 
