@@ -82,10 +82,9 @@ def body_model(mesh: Mesh, config: BodySpec) -> BodyModel:
         Anything that the body file or the mesh does not provide, with what to do.
     """
     mesh, options = by_name(checked(mesh), config.options)
-    unused = needless(mesh, options)
     model = assemble_model(mesh, options)
     _check_sets(options, model.mesh)
-    return BodyModel(options, model, unused)
+    return BodyModel(options, model, needless(mesh, options))
 
 
 def _check_sets(options: BodyOptions, mesh: Mesh) -> None:
@@ -178,6 +177,20 @@ def reduce_mesh(
     report.tell((*mesh.notes, *map(" ".join, summary(properties))))
     _tell_doubts(mesh, options, prepared.unused_material, report)
     options, model = chosen_cuts(options, model, report, store)
+    body = _reduced(options, model, report, store)
+    use = replace(config.use, provenance=_provenance(config, mesh, origin), properties=properties)
+    if use.variant.mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
+        use = replace(use, variant=Variant(use.variant.method))
+    body = used_body(body, use)
+    # Who asks for a mass has it.
+    if config.formulation.mass is None and config.reduction.inertia is not False and not keeps_its_mass(body):
+        body = _lumped(body, use, options, model, report, store)
+    _tell(config, body, report)
+    return body
+
+
+def _reduced(options: BodyOptions, model: Model, report: Reporter, store: Store) -> ReducedBody:
+    """The body, with the polynomial of its mass where it has any."""
     if options.cuts:
         body, _, fine = reduced_parts(options, model, report, store)
     else:
@@ -188,14 +201,6 @@ def reduce_mesh(
             kept, key = model.mesh.kept, ("polynomial", *(id(part) for part, _ in fine))
             kept[key] = kept.get(key) or (fine, mass_polynomial(fine))
             body = replace(body, polynomial=kept[key][1])
-    use = replace(config.use, provenance=_provenance(config, mesh, origin), properties=properties)
-    if use.variant.mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
-        use = replace(use, variant=Variant(use.variant.method))
-    body = used_body(body, use)
-    # Who asks for a mass has it.
-    if config.formulation.mass is None and config.reduction.inertia is not False and not keeps_its_mass(body):
-        body = _lumped(body, use, options, model, report, store)
-    _tell(config, body, report)
     return body
 
 
@@ -208,8 +213,7 @@ def _lumped(
     """
     plain = options.levels == DEFAULT_FRAMES and not (options.levels_asked or options.frames or options.branches)
     finer = replace(options, levels=(2 if plain else 1) * options.levels, stored=options.stored | {Data.INERTIA})
-    found = reduced_whole(finer, model, report, store).body
-    found = replace(used_body(replace(found, polynomial=body.polynomial), use), mass=Mass.CONFIGURATION)
+    found = replace(used_body(_reduced(finer, model, report, store), use), mass=Mass.CONFIGURATION)
     fine = lumps_are_fine(found)
     report.note(f"{_FAR_BENT}: {_LUMPS if fine else _COARSE}")
     return found if fine else body

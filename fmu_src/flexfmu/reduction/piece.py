@@ -26,8 +26,8 @@ from .basis import (
     with_third_order,
 )
 from .bodies import (
-    THIRD_LEAST,
-    THIRD_MOST,
+    THIRD,
+    THIRD_FAR,
     InterfaceFit,
     body_subdomains,
     embedding,
@@ -170,13 +170,13 @@ def _shadow(divided: _Divided, basis: _Basis, every: FloatArray) -> tuple[Reduce
     """The body once more, with more frames and all that its basis may lack under loads (3n, l)."""
     matrices, model, loads = basis.matrices.quiet, divided.model, divided.unit_loads()
     finer = shadow_options(divided.config, divided.subdomains)
-    key = content_key(__name__, "third order", basis.key, loads)
-    make = partial(third_order_loads, matrices, basis.modes, loads, THIRD_LEAST, THIRD_MOST)
+    wanted = THIRD_FAR if Data.INERTIA in divided.config.stored else THIRD
+    key = content_key(__name__, "third order", basis.key, loads, wanted)
+    make = partial(third_order_loads, matrices, basis.modes, loads, *wanted)
     third = matrices.kept(key, "shapes of third order", make)
     key = content_key(__name__, "buckling", matrices.key, loads)
     buckled = matrices.kept(key, "shapes of buckling", lambda: buckling_loads(matrices, loads))
-    lacking = np.hstack([every, third, buckled])
-    modes, key = completed_basis(matrices, basis.modes, basis.key, lacking)
+    modes, key = completed_basis(matrices, basis.modes, basis.key, np.hstack([every, third, buckled]))
     again = _divided(finer, model, matrices.report, divided.springs, divided.cut)
     own = _Basis(matrices, modes, key, frame_operators(model.mesh.points, modes.shapes, again.subdomains))
     return _reduced(again, own), own
@@ -241,11 +241,11 @@ def _fine_tree(divided: _Divided, basis: _Basis, membrane: Membrane | None) -> R
 
 def _with_modes(divided: _Divided, matrices: Matrices, every: FloatArray) -> _Basis:
     """The modes of a divided model, with room for loads (3n, l): of units on interfaces, and warping of sections."""
-    wanted, chosen = divided.config.basis, divided.config.basis.residual
-    residual = every if chosen is True else every[:, list(chosen or ())]
+    wanted, stored = divided.config.basis, divided.config.stored
+    residual = every if wanted.residual is True else every[:, list(wanted.residual or ())]
     modes, key = modal_basis(wanted, matrices, every, residual)
-    if wanted.by_need and Data.SECOND_ORDER in divided.config.stored:
-        modes, key = with_third_order(matrices, modes, key, divided.unit_loads())
+    if wanted.by_need and Data.SECOND_ORDER in stored:
+        modes, key = with_third_order(matrices, modes, key, divided.unit_loads(), Data.INERTIA in stored)
     _tell(modes, matrices.report)
     _tell_coarse(divided.model, modes, matrices.report)
     return _Basis(matrices, modes, key, frame_operators(divided.model.mesh.points, modes.shapes, divided.subdomains))
