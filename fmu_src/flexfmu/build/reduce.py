@@ -107,9 +107,8 @@ def _check_sets(options: BodyOptions, mesh: Mesh) -> None:
 _HEAVY_DAMPING = 0.3
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
-_FAR_BENT = "sudden loads may bend it beyond the range of its mass polynomial"
-_LUMPS = 'it has the mass of its lumps: steps cost more (mass = "polynomial" in [formulation] keeps to the polynomial)'
-_COARSE = "steps are refused there, since lumps on its frames are too coarse: build with more frames"
+_FAR_BENT = 'its mass polynomial may not hold under sudden loads: reduced again with lumps, unless mass = "polynomial"'
+_COARSE = "lumps on its frames are too coarse: it keeps the polynomial and refuses steps past it; take more frames"
 
 
 def reduce_body(
@@ -211,19 +210,20 @@ def _lumped(
 
     It bends far: default frames are doubled, since what bends within a frame carries its lumps astray.
     """
+    report.note(_FAR_BENT)
     plain = options.levels == DEFAULT_FRAMES and not (options.levels_asked or options.frames or options.branches)
     finer = replace(options, levels=(2 if plain else 1) * options.levels, stored=options.stored | {Data.INERTIA})
     found = replace(used_body(_reduced(finer, model, report, store), use), mass=Mass.CONFIGURATION)
-    fine = lumps_are_fine(found)
-    report.note(f"{_FAR_BENT}: {_LUMPS if fine else _COARSE}")
-    return found if fine else body
+    if lumps_are_fine(found):
+        return found
+    report.note(_COARSE)
+    return body
 
 
 def _properties(options: BodyOptions, model: Model) -> Properties:
-    mesh = model.mesh
-    names, points, springs = support_places(mesh, options.supports)
+    names, points, springs = support_places(model.mesh, options.supports)
     return replace(
-        body_properties(mesh),
+        body_properties(model.mesh),
         spring=model.springs_along_axes if model.sprung.any() else None,
         support_names=names,
         support_point=points,
