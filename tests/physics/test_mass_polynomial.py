@@ -219,7 +219,7 @@ def test_lumps_that_lack_what_the_polynomial_has_near_rest_do_not_take_its_place
     body = reduce_body(read_body_file(replace(folded_flexure(), frames=4).write(tmp_path)), said)
     assert body.mass is Mass.POLYNOMIAL
     assert body.inertia is None
-    (note,) = (text for text in said.notes if "range of its mass polynomial" in text)
+    (note,) = (text for text in said.notes if "lumps on its frames are too coarse" in text)
     assert "more frames" in note
 
 

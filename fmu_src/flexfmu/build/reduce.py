@@ -107,7 +107,7 @@ def _check_sets(options: BodyOptions, mesh: Mesh) -> None:
 _HEAVY_DAMPING = 0.3
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
-_FAR_BENT = 'its mass polynomial may not hold under sudden loads: reduced again with lumps, unless mass = "polynomial"'
+_FAR_BENT = 'loads may pass the range of its mass polynomial: reduced again with lumps, unless mass = "polynomial"'
 _COARSE = "lumps on its frames are too coarse: it keeps the polynomial and refuses steps past it; take more frames"
 
 
