@@ -212,7 +212,7 @@ def _lumped(
     """
     report.note(_FAR_BENT)
     plain = options.levels == DEFAULT_FRAMES and not (options.levels_asked or options.frames or options.branches)
-    finer = replace(options, levels=(2 if plain else 1) * options.levels, stored=options.stored | {Data.INERTIA})
+    finer = replace(options, far=True, levels=(1 + plain) * options.levels, stored=options.stored | {Data.INERTIA})
     found = replace(used_body(_reduced(finer, model, report, store), use), mass=Mass.CONFIGURATION)
     if lumps_are_fine(found):
         return found

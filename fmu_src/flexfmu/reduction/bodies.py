@@ -356,7 +356,7 @@ FINER = 2
 # Energy of shapes of second and third order that it has beside the body's own, and how many, of all interfaces and of
 # each: posts of a tower that is pressed at two places bend in more ways than two each. Of bodies that bend far, which
 # have more of their own: of 1.4 % that a strip on edge was off past its buckling, the first told 0.1, these 1.1.
-THIRD, THIRD_FAR = (1e-3, (6, 4)), (1e-4, (12, 8))
+THIRD = {False: (1e-3, (6, 4)), True: (1e-4, (12, 8))}
 
 
 def shadow_options(config: BodyOptions, subdomains: Sequence[Subdomain]) -> BodyOptions:

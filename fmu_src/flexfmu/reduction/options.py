@@ -189,6 +189,8 @@ class BodyOptions:
         Whether the body is reduced once more, finer, to tell its error.
     watched : bool
         Whether rotation and strain of its material are watched.
+    far : bool
+        Whether loads bend the body so far that it takes more shapes of third order.
     """
 
     name: str
@@ -216,6 +218,7 @@ class BodyOptions:
     surface_stress: bool = False
     certificate: bool = False
     watched: bool = True
+    far: bool = False
 
     @property
     def root_place(self) -> int:

@@ -27,7 +27,6 @@ from .basis import (
 )
 from .bodies import (
     THIRD,
-    THIRD_FAR,
     InterfaceFit,
     body_subdomains,
     embedding,
@@ -170,9 +169,8 @@ def _shadow(divided: _Divided, basis: _Basis, every: FloatArray) -> tuple[Reduce
     """The body once more, with more frames and all that its basis may lack under loads (3n, l)."""
     matrices, model, loads = basis.matrices.quiet, divided.model, divided.unit_loads()
     finer = shadow_options(divided.config, divided.subdomains)
-    wanted = THIRD_FAR if Data.INERTIA in divided.config.stored else THIRD
-    key = content_key(__name__, "third order", basis.key, loads, wanted)
-    make = partial(third_order_loads, matrices, basis.modes, loads, *wanted)
+    key = content_key(__name__, "third order", basis.key, loads, divided.config.far)
+    make = partial(third_order_loads, matrices, basis.modes, loads, *THIRD[divided.config.far])
     third = matrices.kept(key, "shapes of third order", make)
     key = content_key(__name__, "buckling", matrices.key, loads)
     buckled = matrices.kept(key, "shapes of buckling", lambda: buckling_loads(matrices, loads))
@@ -245,7 +243,7 @@ def _with_modes(divided: _Divided, matrices: Matrices, every: FloatArray) -> _Ba
     residual = every if wanted.residual is True else every[:, list(wanted.residual or ())]
     modes, key = modal_basis(wanted, matrices, every, residual)
     if wanted.by_need and Data.SECOND_ORDER in stored:
-        modes, key = with_third_order(matrices, modes, key, divided.unit_loads(), Data.INERTIA in stored)
+        modes, key = with_third_order(matrices, modes, key, divided.unit_loads(), divided.config.far)
     _tell(modes, matrices.report)
     _tell_coarse(divided.model, modes, matrices.report)
     return _Basis(matrices, modes, key, frame_operators(divided.model.mesh.points, modes.shapes, divided.subdomains))
