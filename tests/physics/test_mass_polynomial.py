@@ -147,6 +147,7 @@ def test_slow_motion_is_right_beside_stiff_modes_whose_mass_changes_by_many_time
     config = read_body_file(angle().write(tmp_path))
     changes = {
         "reduction": config.reduction.model_copy(update={"inertia": True}),
+        "formulation": config.formulation.model_copy(update={"mass": Mass.POLYNOMIAL}),
         "output": OutputTable(surface=False, error=False),
     }
     found = reduce_body(config.model_copy(update=changes), Reporter())
