@@ -382,8 +382,8 @@ def _membrane(divided: _Divided, basis: _Basis, loads: FloatArray) -> Membrane |
     stretching = Stretching(basis.matrices, basis.modes, loads)
     membrane = membrane_energy(stretching, basis.key, divided.config.membrane, not divided.cut)
     if membrane is not None and divided.open_loops:
-        found = f"{len(divided.subdomains)} frames open a loop that stretches, one frame keeps it closed"
-        basis.matrices.report.warning(f'{found}: take frames = 1, or cut = "auto"')
+        count, do = len(divided.subdomains), 'take frames = 1, or cut = "auto"'
+        basis.matrices.report.warning(f"{count} frames open a loop that stretches, one frame keeps it closed: {do}")
     return membrane
 
 
