@@ -176,7 +176,7 @@ def test_a_body_that_is_built_without_it_says_so():
 
 @pytest.fixture(scope="module")
 def one_frame():
-    return strip().build(surface=False, frames=1)
+    return strip().build(surface=False, frames=1, mass="polynomial")
 
 
 @pytest.mark.parametrize("runtime", Runtime)
