@@ -1,13 +1,13 @@
-"""Bodies of a third blind trial: many interfaces, stretch that bends, a panel on two hinges."""
+"""Bodies of a third blind trial: many interfaces, stretch that bends, a panel on two hinges, a loop that sways."""
 
 from __future__ import annotations
 
 import numpy as np
 from demo.mesh_tools import BrickMesh, Material, box_mesh
 
-from benchmarks.defaults.bodies import PLASTIC
-from benchmarks.defaults.body import Body, about, above, below, both, either, near
-from benchmarks.defaults.shapes import FloatArray, kept, lines
+from benchmarks.defaults.bodies import PLASTIC, SPRING_STEEL
+from benchmarks.defaults.body import Body, Where, about, above, below, both, either, near
+from benchmarks.defaults.shapes import FloatArray, bar, constant, kept, lines, polyline
 
 _ALUMINIUM = Material("ALUMINIUM", 7e10, 0.33, 2700.0)
 
@@ -95,4 +95,23 @@ def door() -> Body:
     return Body("door", mesh, hinges, ends, cases)
 
 
-THIRD = (trivet, pergola, bossed_strip, door)
+def omega() -> Body:
+    """Leaf in the shape of an omega that both feet hold: its frames meet, and part, in its crown."""
+    way = [(-0.05, 0.0, 0.0), (-0.014, 0.0, 0.0), (-0.03, 0.05, 0.0)]
+    path = polyline(*way, *((-x, y, z) for x, y, z in way[::-1]), radius=0.008)
+    mesh = bar(path, 44, constant(0.0012, 0.012))
+    share = box_mesh(np.arange(45.0), np.arange(3.0), np.arange(3.0)).points[:, 0]
+
+    def at(*places: float) -> Where:
+        return lambda _: np.isin(share, places)
+
+    cases = {
+        "pressed": {"crown": (45.0, -675.0, 0.0)},
+        "aside": {"crown": (700.0, 0.0, 0.0)},
+        "sheared": {"crown": (0.0, 0.0, 400.0), "shoulder": (0.0, 100.0, 0.0)},
+    }
+    ends = {"crown": at(22.0), "shoulder": at(28.0)}
+    return Body("omega", BrickMesh(mesh.points.round(12), mesh.bricks), at(0.0, 44.0), ends, cases, SPRING_STEEL)
+
+
+THIRD = (trivet, pergola, bossed_strip, door, omega)

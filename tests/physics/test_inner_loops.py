@@ -18,6 +18,10 @@ SIDE = 0.01
 # Cells of a stem, and of a rectangle on it with or without posts.
 STEM = ((7, 0, 0), (8, 0, 2))
 RECTANGLE = [((0, 0, 3), (15, 0, 3)), ((0, 0, 4), (0, 0, 13)), ((15, 0, 4), (15, 0, 13)), ((0, 0, 14), (15, 0, 14))]
+# Feet, waist and head of an omega.
+FEET = [((0, 0, 0), (11, 0, 0)), ((25, 0, 0), (36, 0, 0)), ((12, 0, 0), (12, 0, 4)), ((24, 0, 0), (24, 0, 4))]
+OMEGA = [*FEET, ((8, 0, 5), (12, 0, 5)), ((24, 0, 5), (28, 0, 5)), ((8, 0, 6), (8, 0, 15)), ((28, 0, 6), (28, 0, 15)),
+         ((8, 0, 16), (28, 0, 16))]  # fmt: skip
 POSTS = [((x, 0, 4), (x, 0, 13)) for x in (3, 12)]
 
 
@@ -65,6 +69,29 @@ def test_faces_inside_a_bar_add_up_to_its_section(kind):
     x = np.concatenate([mesh.points[block.connectivity].mean(axis=1)[:, 0] for block in mesh.blocks])
     across = (x[contacts.elements] < 0.5).sum(axis=1) == 1
     np.testing.assert_allclose(np.abs(contacts.area[across]).sum(axis=0), [0.2 * 0.3, 0.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.slow
+def test_frames_that_meet_in_a_loop_through_supports_know_their_error_by_the_opened_body(tmp_path):
+    """A frame in the shape of an omega, pushed aside: 0.5 and 1.3 % wrong, of which finer frames found a quarter."""
+    mesh = bars(ElementType.C3D20, OMEGA, SIDE)
+    top = {"TIP": lambda p: np.where(np.abs(p[:, 0] - 0.185) < 0.0151, p[:, 2] - 0.17, 1.0)}
+    mesh = with_sets(mesh, ROOT=lambda p: p[:, 0] * (p[:, 0] - 0.37), **top)
+    config = body_file(mesh, tmp_path, interface=["TIP"], output={"error": True})
+    body = FlexibleBody(reduce_body(config, Reporter()))
+    assert body.model.ties is None
+    assert body.model.frame_count > 4
+    read = read_body_model(config, Reporter())
+    model, fit = read.model, fit_interface(read.options.interfaces[0], read.model.mesh, ())
+    full = np.array([1e4, 0.0, 0.0])
+    nodal = fit.nodal_loads(len(model.mesh.points))[:, :3] @ full
+    path = load_path(model.mesh, model.unknowns, model.spring, nodal, [0.5, 1.0], Reporter())
+    for share, field in zip((0.5, 1.0), path.displacement, strict=True):
+        loads = {"tip": (share * full).tolist()}
+        state = body.static(loads)
+        truth = fit.operator[:3] @ field.reshape(-1, 3)[fit.nodes].ravel()
+        off = float(np.linalg.norm(body.response(state).displacement[0] - truth))
+        assert 0.7 * off < body.error(state, loads).displacement[0] < 1.4 * off
 
 
 @pytest.mark.slow

@@ -6,8 +6,8 @@ from contextlib import suppress
 import numpy as np
 
 from ..files.basics import EquilibriumError, FloatArray
-from ..model.methods import Mass
-from ..model.reduced_body import ReducedBody
+from ..model.methods import Mass, Method
+from ..model.reduced_body import ReducedBody, Shadow
 from .flexible_body import FlexibleBody
 
 # Reference loads turn an interface by so much (rad), or move it by such a share of the body's size, in linear theory.
@@ -22,6 +22,8 @@ _SUDDEN = 2.0
 _SHORT = 1e-6
 # At such a share of the reference loads the polynomial is exact; the mass of lumps on few frames may differ by so much.
 _NEAR, _ALIKE = 0.25, 0.01
+# Difference from another body that is none to warn of: half of what an FMU warns of.
+_SLIGHT = 5e-3
 
 
 def reference_loads(model: FlexibleBody) -> Iterator[tuple[str, str, FloatArray]]:
@@ -81,3 +83,20 @@ def lumps_are_fine(body: ReducedBody) -> bool:
     one, other = (FlexibleBody(body, mass=mass) for mass in (Mass.POLYNOMIAL, Mass.CONFIGURATION))
     energies = [[q @ model.core.mass(q) @ q for model in (one, other)] for q in _bent(one, _NEAR)]
     return all(abs(lumps - whole) < _ALIKE * whole for whole, lumps in energies)
+
+
+def differs_more(body: ReducedBody, shadow: Shadow) -> bool:
+    """Whether reference loads part a held body from a shadow, and further than from its own one."""
+    model = FlexibleBody(body)
+    shadows = [FlexibleBody(one.body, Method.SECOND_ORDER) for one in (body.shadow, shadow) if one is not None]
+    off = np.full(len(shadows), _SLIGHT)
+    for _, name, force in reference_loads(model):
+        with suppress(EquilibriumError):
+            own, *others = (_moved(one, {name: force.tolist()}) for one in (model, *shadows))
+            off = np.maximum(off, [np.linalg.norm(own - one) / np.linalg.norm(own) for one in others])
+    return bool(off[-1] > off[0])
+
+
+def _moved(model: FlexibleBody, loads: dict[str, list[float]]) -> FloatArray:
+    """Deflections (I, 3) of interfaces in equilibrium."""
+    return model.response(model.static(loads)).displacement

@@ -230,8 +230,7 @@ class BodySpec(Table):
             return Variant(Method.LINEAR)
         if table.method is not Method.SECOND_ORDER and (table.method is not None or not possible):
             return table.variant
-        usual = Mass.CONSTANT if self.cut else Mass.POLYNOMIAL
-        return Variant(Method.SECOND_ORDER, table.mass or usual)
+        return Variant(Method.SECOND_ORDER, table.mass or (Mass.CONSTANT if self.cut else Mass.POLYNOMIAL))
 
     @property
     def stored(self) -> frozenset[Data]:

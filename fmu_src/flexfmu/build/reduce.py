@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..body.reference_loads import keeps_its_mass, lumps_are_fine
+from ..body.reference_loads import differs_more, keeps_its_mass, lumps_are_fine
 from ..files.basics import FloatArray, UnitSystem, own_version, plural
 from ..files.outputs import Reporter, check_target, whole_file
 from ..files.store import Store
@@ -27,7 +27,7 @@ from ..model.summary import NORMAL_MODES, first_frequency, missed_words, summary
 from ..model.variants import chosen
 from ..program.mass_polynomial import mass_polynomial
 from ..reduction.bodies import used_body
-from ..reduction.cut.parts import chosen_cuts, reduced_parts, reduced_whole
+from ..reduction.cut.parts import AGAINST_OPENED, chosen_cuts, reduced_parts, reduced_whole
 from ..reduction.masses import body_properties
 from ..reduction.model import Model, assemble_model, needless
 from ..reduction.options import DEFAULT_FRAMES, BodyOptions, BodyUse, by_name, element_set, node_set, support_places
@@ -176,8 +176,8 @@ def reduce_mesh(
     report.tell((*mesh.notes, *map(" ".join, summary(properties))))
     _tell_doubts(mesh, options, prepared.unused_material, report)
     options, model = chosen_cuts(options, model, report, store)
-    body = _reduced(options, model, report, store)
     use = replace(config.use, provenance=_provenance(config, mesh, origin), properties=properties)
+    body = _reduced(use, options, model, report, store)
     if use.variant.mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
         use = replace(use, variant=Variant(use.variant.method))
     body = used_body(body, use)
@@ -188,18 +188,24 @@ def reduce_mesh(
     return body
 
 
-def _reduced(options: BodyOptions, model: Model, report: Reporter, store: Store) -> ReducedBody:
-    """The body, with the polynomial of its mass where it has any."""
+def _reduced(use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store) -> ReducedBody:
+    """The body, with the polynomial of its mass where it has any, and the shadow that tells more of it."""
+    opened = None
     if options.cuts:
         body, _, fine = reduced_parts(options, model, report, store)
     else:
         piece = reduced_whole(options, model, report, store)
-        body, fine = piece.body, [] if piece.fine is None else [(piece.fine, np.eye(piece.body.mode_count))]
+        body, opened = piece.body, piece.opened
+        fine = [] if piece.fine is None else [(piece.fine, np.eye(piece.body.mode_count))]
     if fine:
         with report.stage("Find how mass changes as the body bends"):
             kept, key = model.mesh.kept, ("polynomial", *(id(part) for part, _ in fine))
             kept[key] = kept.get(key) or (fine, mass_polynomial(fine))
             body = replace(body, polynomial=kept[key][1])
+    body = used_body(body, use)
+    if opened is not None and differs_more(body, opened):
+        report.note(f"its frames turn apart where a loop through supports closes: {AGAINST_OPENED}")
+        body = replace(body, shadow=opened)
     return body
 
 
@@ -213,7 +219,7 @@ def _lumped(
     report.note(_FAR_BENT)
     plain = options.levels == DEFAULT_FRAMES and not (options.levels_asked or options.frames or options.branches)
     finer = replace(options, far=True, levels=(1 + plain) * options.levels, stored=options.stored | {Data.INERTIA})
-    found = replace(used_body(_reduced(finer, model, report, store), use), mass=Mass.CONFIGURATION)
+    found = replace(_reduced(use, finer, model, report, store), mass=Mass.CONFIGURATION)
     if lumps_are_fine(found):
         return found
     report.note(_COARSE)

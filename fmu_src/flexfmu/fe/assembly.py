@@ -130,8 +130,7 @@ def unknowns(
     place = dependent, np.arange(dependent.size)
     spread = sp.csr_array((np.ones(dependent.size), place), (held.size, dependent.size))
     inner = sp.csr_array((sp.diags_array(itself) + spread @ matrix).tocsc()[:, free])
-    transform = inner if means is None else sp.csr_array(means @ inner)
-    return Unknowns(free, held.size, transform, inner, means)
+    return Unknowns(free, held.size, inner if means is None else sp.csr_array(means @ inner), inner, means)
 
 
 def select(faces: tuple[FaceBlock, ...], nodes: IntArray, *, outer: bool) -> tuple[IntArray, ...]:

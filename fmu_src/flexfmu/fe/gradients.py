@@ -97,8 +97,7 @@ def quadratic_strain(mesh: Mesh, shapes: FloatArray, pairs: IntArray, tell: Tell
         np.add.at(forces, some.nodes, nodal)
         energies -= relaxed
         _add_products(strain.reshape(-1, len(pairs)), work.reshape(-1, len(pairs)), energies)
-    energies = np.triu(energies) + np.triu(energies, 1).T
-    return forces.reshape(-1, len(pairs)), energies
+    return forces.reshape(-1, len(pairs)), np.triu(energies) + np.triu(energies, 1).T
 
 
 def _add_products(strain: FloatArray, work: FloatArray, energies: FloatArray) -> None:

@@ -231,8 +231,7 @@ def _newton(
         settled = float(np.linalg.norm(change)) <= _SETTLED * float(np.linalg.norm(u)) and error <= _ROUND_OFF * size
         if error <= _TOLERANCE * size or settled:
             # Much farther than the tangent foresaw: a jump to another branch.
-            jumped = float(np.linalg.norm(u - start)) > _JUMP * foreseen
-            return (None if jumped else u), iteration
+            return (None if float(np.linalg.norm(u - start)) > _JUMP * foreseen else u), iteration
         if error > min(_NEAR * size, _LEFT * before):
             # Gone before the next are made: there may be no room for two.
             kept.clear()

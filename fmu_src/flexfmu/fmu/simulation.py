@@ -335,7 +335,7 @@ def outcome(names: Sequence[str], result: FloatArray, warnings: int) -> str:
     str
     """
     found = []
-    for quantity, words in (("displacement", _length), ("rotation", _angle)):
+    for quantity, words in (("displacement", _length), ("rotation", lambda value: f"{np.degrees(value):.4g}°")):
         best: tuple[float, str, float] | None = None
         for interface in dict.fromkeys(name.split(".")[0] for name in names if f".{quantity}." in name):
             columns = [1 + names.index(f"{interface}.{quantity}.{axis}") for axis in "xyz"]
@@ -350,7 +350,3 @@ def outcome(names: Sequence[str], result: FloatArray, warnings: int) -> str:
 
 def _length(value: float) -> str:
     return f"{value:.4g} m" if value >= 1.0 else f"{1e3 * value:.4g} mm"
-
-
-def _angle(value: float) -> str:
-    return f"{np.degrees(value):.4g}°"

@@ -90,8 +90,7 @@ def linear_body(
         raise MatrixError("stiffness is not positive definite: the body is free, or rows are zero; hold it")
     moved = shapes[: _EACH * len(points)].reshape(len(points), _EACH, -1)
     use = linear_use(name, damping, {"matrices": f"{len(k)} rows"})
-    body = made_body(use, **motion_of_interfaces(np.sqrt(squares), points, moved))
-    return BuiltBody(body)
+    return BuiltBody(made_body(use, **motion_of_interfaces(np.sqrt(squares), points, moved)))
 
 
 def _matrix(given: Any, title: str) -> FloatArray:

@@ -133,8 +133,7 @@ def i_section(height: float, widths: tuple[float, float], flanges: tuple[float, 
 
 def l_section(width: float, height: float, foot: float, leg: float) -> CrossSection:
     """A foot along the first axis and a leg along the second, from where their middle lines meet on."""
-    parts = [(0.5 * (width - leg), 0.0, width, foot), (0.0, 0.5 * height, leg, height - foot)]
-    return walls(parts, (0.0, 0.0))
+    return walls([(0.5 * (width - leg), 0.0, width, foot), (0.0, 0.5 * height, leg, height - foot)], (0.0, 0.0))
 
 
 def channel(width: float, height: float, web: float, flange: float) -> CrossSection:

@@ -248,8 +248,7 @@ def triangle_rule(degree: int) -> Quadrature:
         2: [(2.0 / 3.0, 1.0)],
         5: [((9.0 + 2.0 * root) / 21.0, (155.0 - root) / 400.0), ((9.0 - 2.0 * root) / 21.0, (155.0 + root) / 400.0)],
     }[degree]
-    centre = [(1.0 / 3.0, 9.0 / 40.0)] if degree == 5 else []
-    return _simplex_rule(2, [*orbits, *centre])
+    return _simplex_rule(2, [*orbits, *([(1.0 / 3.0, 9.0 / 40.0)] if degree == 5 else [])])
 
 
 def tetrahedron_rule(degree: int) -> Quadrature:

@@ -126,8 +126,7 @@ class SpringReading:
     def slope(self, z: FloatArray) -> FloatArray:
         """First derivatives (..., 6, z) of the values at numbers (..., z)."""
         step = _TINY * self._size
-        moved = z[..., None, :] + 1j * step * np.eye(z.shape[-1])
-        return self.values(moved).imag.swapaxes(-1, -2) / step
+        return self.values(z[..., None, :] + 1j * step * np.eye(z.shape[-1])).imag.swapaxes(-1, -2) / step
 
     def bend(self, z: FloatArray) -> FloatArray:
         """Second derivatives (6, z, z) of the values at numbers (z,)."""

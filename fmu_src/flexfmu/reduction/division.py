@@ -127,8 +127,7 @@ def divide(mesh: Mesh, supported: IntArray, levels: int) -> Division:
     middle = _middle(mesh, distance)
     depth = float(distance.max()) / levels
     level = np.minimum(np.floor(np.round(middle / depth, _DIGITS)).astype(np.int64), levels - 1)
-    link = linked(mesh)
-    return _divided(mesh, supported, level, link, distance, depth)
+    return _divided(mesh, supported, level, linked(mesh), distance, depth)
 
 
 def divide_branches(mesh: Mesh, supported: IntArray, branches: Sequence[Joints]) -> Division:
@@ -353,8 +352,7 @@ def open_loops(mesh: Mesh, subdomains: Sequence[Subdomain]) -> tuple[str, ...]:
     piece = np.full(mesh.element_count, count)
     for s in reversed(range(count)):
         piece[subdomains[s].elements] = s
-    shared = _shared(piece, linked(mesh), count + 1)
-    return _open_loops(mesh, subdomains, shared[:count, :count])
+    return _open_loops(mesh, subdomains, _shared(piece, linked(mesh), count + 1)[:count, :count])
 
 
 def _open_loops(mesh: Mesh, subdomains: Sequence[Subdomain], shared: FloatArray) -> tuple[str, ...]:

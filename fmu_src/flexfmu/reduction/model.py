@@ -297,8 +297,7 @@ def _bushing(mesh: Mesh, nodes: IntArray, support: SupportNodes, key: str) -> Sp
 def rigid_basis(points: FloatArray) -> FloatArray:
     """Translations, and rotations about the points' mean over the points' extent, (n, 3, 6), of points (n, 3)."""
     arm = points - points.mean(axis=0)
-    size = max(float(np.abs(arm).max()), 1e-300)
-    return rigid_motions(arm / size)
+    return rigid_motions(arm / max(float(np.abs(arm).max()), 1e-300))
 
 
 def free_motions(points: FloatArray, held: BoolArray, soft: sp.csr_array | None = None) -> FloatArray:

@@ -78,6 +78,8 @@ class Reduced:
         Its modes.
     span : (m, k) float
         Its coordinates in the motions of another basis.
+    opened : Shadow, optional
+        Another shadow, with loops through supports opened.
     """
 
     body: ReducedBody
@@ -86,6 +88,7 @@ class Reduced:
     fine: ReducedBody | None
     shapes: FloatArray
     span: FloatArray
+    opened: Shadow | None = None
 
 
 @dataclass(frozen=True, slots=True)

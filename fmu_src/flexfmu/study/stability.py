@@ -110,8 +110,7 @@ class DrivenSlave:
     def motion(self) -> FloatArray:
         """Displacement and rotation vector of each interface, (I, 2, 3)."""
         first = next(number for number, v in self._variables.values() if v.name.endswith("displacement.x"))
-        values = self._slave.get_real(list(range(first, first + self._count)))
-        return np.array(values).reshape(-1, 2, 3)
+        return np.array(self._slave.get_real(list(range(first, first + self._count)))).reshape(-1, 2, 3)
 
     def real(self, name: str) -> float:
         """Value of a Real variable."""

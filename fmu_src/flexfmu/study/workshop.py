@@ -155,8 +155,7 @@ def normal_shapes(body: ReducedBody, basis: BasisChoice) -> FloatArray:
 
 def normal_frequencies(body: ReducedBody, basis: BasisChoice) -> FloatArray:
     """Angular frequencies (n,) of `normal_shapes`, rad/s."""
-    shapes = normal_shapes(body, basis)
-    return np.linalg.norm(body.angular_frequency[:, None] * shapes, axis=0)
+    return np.linalg.norm(body.angular_frequency[:, None] * normal_shapes(body, basis), axis=0)
 
 
 def in_subspace(body: ReducedBody, turn: FloatArray, angular_frequency: FloatArray) -> ReducedBody:

@@ -24,8 +24,7 @@ from .motions import FRAMES, INTERFACES, support_marks
 
 def mesh_view(path: Path) -> View:
     """A mesh file with its node sets; lengths are taken for metres."""
-    mesh = checked(read_mesh(path, UnitSystem.SI))
-    return _view(mesh, path.name, [], (), np.zeros((0, 3)))
+    return _view(checked(read_mesh(path, UnitSystem.SI)), path.name, [], (), np.zeros((0, 3)))
 
 
 def model_view(options: BodyOptions, model: Model, report: Reporter) -> View:

@@ -309,8 +309,7 @@ def _equations(
         found += tied
     content.ties = table.shells
     content.notes.extend(table.notes)
-    cards = [*content.cards["EQUATION"], *content.cards["MPC"]]
-    return found + equations(cards, deck, points, axes, busy)
+    return found + equations([*content.cards["EQUATION"], *content.cards["MPC"]], deck, points, axes, busy)
 
 
 def _sets_of_faces(content: _Content, deck: Deck) -> dict[str, IntArray]:

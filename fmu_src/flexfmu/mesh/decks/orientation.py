@@ -70,8 +70,7 @@ class Orientation:
             first = np.broadcast_to(self.first, places.shape)
             third = np.broadcast_to(np.cross(self.first, self.second), places.shape)
             second = np.cross(third, first)
-        columns = np.stack([_unit(first), _unit(second), _unit(third)], axis=2)
-        return columns @ self.turn
+        return np.stack([_unit(first), _unit(second), _unit(third)], axis=2) @ self.turn
 
 
 def orientation(card: Card) -> Orientation:

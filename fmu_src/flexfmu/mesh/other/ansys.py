@@ -67,8 +67,7 @@ def read_ansys(path: Path, units: UnitSystem) -> Contents:
     text = path.read_text(encoding="latin-1").splitlines()
     _refuse_cut_short(text, path)
     with quiet(path, "check the file; expected what CDWRITE writes, with NBLOCK and EBLOCK"):
-        archive = library.Archive(path, parse_vtk=False)
-        return _contents(archive, text, path, units)
+        return _contents(library.Archive(path, parse_vtk=False), text, path, units)
 
 
 def _refuse_cut_short(text: list[str], path: Path) -> None:

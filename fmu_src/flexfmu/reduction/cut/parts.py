@@ -36,6 +36,7 @@ _STOPS = 4.0
 _TURNS = 0.05
 # A frame more than levels as deep as those of the closed body have, only where it is worth one.
 _ROUNDED = 0.2
+AGAINST_OPENED = 'its own error is that against the opened body (cut = "auto" opens it, with constant mass)'
 # Supports beyond which none is looked at: a cover on its bolts is no loop of slender members.
 _MOST_SUPPORTS = 8
 
@@ -102,15 +103,14 @@ def cut_loops(config: BodyOptions, model: Model) -> tuple[BodyOptions, Model, li
     config, model, notes
         As of `cut_at`.
     """
-    if _within(config, model):
-        return opened_loops(config, model)
+    if within := _within(config, model):
+        return _opened(config, model, within)
     return cut_at(config, model, _between_supports(config, model))
 
 
-def opened_loops(config: BodyOptions, model: Model) -> tuple[BodyOptions, Model, list[str]]:
-    """Open all loops of a body that has some within it, with frames as long as before; as `cut_loops`."""
-    within = _within(config, model)
-    found, opened, notes = cut_at(config, model, [*within, *_between_supports(config, model)] if within else [])
+def _opened(config: BodyOptions, model: Model, within: list[LoopSection]) -> tuple[BodyOptions, Model, list[str]]:
+    """Open all loops of a body, those within it at these sections, with frames as long as before; as `cut_loops`."""
+    found, opened, notes = cut_at(config, model, within + _between_supports(config, model))
     parts = _parts(found, opened)
     if not parts:
         return cut_at(config, model, [])
@@ -298,7 +298,8 @@ def _warping(names: Sequence[str], parts: Sequence[Part], fields: FloatArray) ->
 def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: Store) -> Reduced:
     """Reduce a body in one piece; where loops close within it, its shadow has them opened.
 
-    Its modes hold such a loop together linearly only, and more frames or modes do not change that.
+    Its modes hold such a loop together linearly only, and more frames or modes do not change that. Several frames of a
+    loop through supports may turn apart where they meet: such a body gets another shadow, with that loop opened.
 
     Parameters
     ----------
@@ -311,20 +312,23 @@ def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: St
     -------
     Reduced
     """
-    cuts: tuple[str, ...] = ()
+    found, opened, within = replace(config, frames=(), branches=(), levels_asked=False, cuts=()), model, []
     if config.certificate:
-        with report.stage("Look for loops within the body"):
-            alike = replace(config, frames=(), branches=(), levels_asked=False)
-            found, opened, _ = opened_loops(alike, model)
-            cuts = found.cuts
-    piece = reduced_piece(replace(config, certificate=config.certificate and not cuts), model, report, store)
+        with report.stage("Look for loops that stay closed"):
+            within = _within(found, model)
+            if within or (config.levels > 1 and _closes_loops(model)):
+                found, opened, _ = _opened(found, model, within)
+    cuts = found.cuts
+    own = config.certificate and not (cuts and within)
+    piece = reduced_piece(replace(config, certificate=own), model, report, store)
     if not cuts:
         return piece
     with report.stage(f"Reduce the body once more, {plural(len(cuts), 'loop')} opened, to know its error"):
         finer = finer_shadow(found, FINER * found.levels)
         other, span, _ = reduced_parts(finer, opened, Reporter(), store, piece.shapes)
-    fault = f"{plural(len(cuts), 'loop')} within the body"
-    report.note(f'{fault}: its own error is that against the opened body (cut = "auto" opens it, with constant mass)')
+    if own:
+        return replace(piece, opened=Shadow(other, span))
+    report.note(f"{plural(len(cuts), 'loop')} within the body: {AGAINST_OPENED}")
     return replace(piece, body=replace(piece.body, shadow=Shadow(other, span)))
 
 

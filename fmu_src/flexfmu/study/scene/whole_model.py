@@ -75,8 +75,7 @@ class WholeModel:
     @cached_property
     def interfaces(self) -> list[InterfaceFit]:
         """The fits of the interfaces."""
-        mesh = self.model.mesh
-        return [fit_interface(table, mesh, []) for table in self._body_model.options.interfaces]
+        return [fit_interface(table, self.model.mesh, []) for table in self._body_model.options.interfaces]
 
     @property
     def size(self) -> int:
