@@ -1,11 +1,15 @@
 """Fixtures shared by the tests."""
 
+import csv
 import os
 import signal
 import tempfile
+from collections import Counter, defaultdict
+from pathlib import Path
 
 import numpy as np
 import pytest
+import threadpoolctl
 
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
@@ -15,31 +19,85 @@ from flexfmu.files.store import Store
 from references import BEAM, L_FRAME, body_without_error
 from scene_tools import SMALL_SWEEP, with_results
 
-# Builds in tests find everything anew, and leave nothing in the user's folders.
-os.environ["FLEXFMU_CACHE"] = ""
 # A shell's background jobs ignore Ctrl-C, and so would the jobs that tests interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@pytest.hookimpl(tryfirst=True)
+# Seconds of each file's tests: quick and slow ones. `--seconds` writes it anew.
+SECONDS = Path(__file__).with_name("seconds.csv")
+
+
+def pytest_addoption(parser):
+    """What a run of all tests may keep for the next ones."""
+    parser.addoption("--seconds", action="store_true", help=f"write {SECONDS.name}, by which files are ordered, anew")
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """Keep how long files took, those of which it matters."""
+    if not config.getoption("seconds"):
+        return
+    found = defaultdict(lambda: {"quick": 0.0, "slow": 0.0})
+    for report in [report for each in terminalreporter.stats.values() for report in each]:
+        if hasattr(report, "duration"):
+            file = report.nodeid.partition("::")[0].removeprefix("tests/")
+            found[file]["slow" if "slow" in report.keywords else "quick"] += report.duration
+    rows = sorted(found.items(), key=lambda row: -sum(row[1].values()))
+    with SECONDS.open("w", encoding="utf-8", newline="") as table:
+        table.write("file,quick,slow\n")
+        table.writelines(f"{file},{s['quick']:.0f},{s['slow']:.0f}\n" for file, s in rows if max(s.values()) > 1.0)
+
+
+def pytest_configure(config):
+    """Files go to processes in the order of the tests, not in that of their number."""
+    config.option.loadscopereorder = False
+
+
+@pytest.hookimpl(wrapper=True)
 def pytest_collection_modifyitems(items):
-    """What takes minutes is not among the quick ones either."""
+    """What takes minutes is not among the quick ones either; files that take longest come first.
+
+    The processes that share them end together, then.
+    """
     for item in items:
         if item.get_closest_marker("long"):
             item.add_marker(pytest.mark.slow)
+    result = yield
+    with SECONDS.open(encoding="utf-8") as table:
+        known = {row["file"]: row for row in csv.DictReader(table)}
+    kinds = {(item.path, "slow" if item.get_closest_marker("slow") else "quick") for item in items}
+    total = Counter()
+    for path, kind in kinds:
+        row = known.get(Path(os.path.relpath(path, SECONDS.parent)).as_posix(), {})
+        total[path] += float(row.get(kind, 0.0))
+    items.sort(key=lambda item: -total[item.path])
+    return result
+
+
+@pytest.fixture(scope="session")
+def kept(tmp_path_factory):
+    """Folder of what is kept of builds, one for all processes of the tests."""
+    # Where pytest's own folders are does not change later. The folder of a process lies in that of the run.
+    folder = tmp_path_factory.getbasetemp()
+    return (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "kept"
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _temporary(tmp_path_factory):
-    """What tests, their processes and fmpy unpack is gone at the end."""
-    # Where pytest's own folders are does not change.
-    tmp_path_factory.getbasetemp()
+def _temporary(kept):
+    """What tests, their processes and fmpy unpack is gone at the end.
+
+    What builds keep, by the code that made it and what went in, is made once in a run and leaves the user's own alone:
+    `Store(None)`, or FLEXFMU_CACHE without a value, finds everything anew.
+    """
     with (
         tempfile.TemporaryDirectory(prefix="tests-", ignore_cleanup_errors=True) as folder,
         pytest.MonkeyPatch.context() as patch,
+        # Several processes of many threads each wait for one another.
+        threadpoolctl.threadpool_limits(1 if "PYTEST_XDIST_WORKER" in os.environ else None),
     ):
         patch.setenv("TMPDIR", folder)
         patch.setattr(tempfile, "tempdir", None)
+        patch.setenv("FLEXFMU_CACHE", str(kept))
+        patch.setattr(Store.__init__, "__defaults__", (kept,))
         yield
 
 
@@ -77,18 +135,15 @@ class Bodies:
 
 
 @pytest.fixture(scope="session")
-def bodies(tmp_path_factory):
+def bodies():
     """Reduce demo bodies on demand."""
-    folder = tmp_path_factory.getbasetemp()
-    # The folder of a process lies in that of the run.
-    shared = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
-    return Bodies(Store(shared / "reductions"))
+    return Bodies(Store())
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    """What the tests of a file keep of their builds."""
-    return Store(tmp_path_factory.mktemp("kept"))
+def store():
+    """What all tests keep of their builds, with what was read and factorised last by those of a file."""
+    return Store()
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import sys
 import tempfile
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ def _synthetic(seed: int, **changes: object) -> ReducedBody:
     return random_body(seed, (GROUND, 0), (0, 1), modes=modes, velocity_outputs=True, **changes)
 
 
+@cache
 def _of_mesh(free: bool, **reduction: object) -> ReducedBody:
     with tempfile.TemporaryDirectory() as folder:
         mesh = box(ElementType.C3D20, (4, 1, 1), np.array([0.3, 0.1, 0.04]))

@@ -39,6 +39,7 @@ def test_clamped_beam_demo_prints_errors_and_draws_figures(tmp_path):
     assert len(list(tmp_path.glob("*.fmu"))) == 3
 
 
+@pytest.mark.long
 def test_l_frame_demo_prints_errors_and_draws_figures(tmp_path):
     printed = run("demo.l_frame.run", tmp_path)
     assert all(error < 0.1 for error in errors(printed, "8 frames"))

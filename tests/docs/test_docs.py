@@ -1,7 +1,6 @@
 """Pages of docs/ hold what they show: code runs, TOML is valid, commands exist, links and pictures are there."""
 
 import importlib.util
-import os
 import re
 import shutil
 import subprocess
@@ -132,11 +131,7 @@ def flexfmu(folder, *words):
 
 
 def run(folder, command):
-    # Commands of one page keep modes and references for each other.
-    environment = {**os.environ, "FLEXFMU_CACHE": str(folder / "cache")}
-    done = subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, check=False, timeout=300, env=environment
-    )
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}\n{done.stderr}"
     return done.stdout
 

@@ -68,7 +68,7 @@ def counted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("counted")
     (folder / "counted.h").write_text(COUNTED, encoding="utf-8")
     library = folder / "counted.so"
-    subprocess.run(command(system_compiler(), library, extra=[f"-include{folder / 'counted.h'}"]), check=True)
+    subprocess.run(command(system_compiler(), library, extra=["-O0", f"-include{folder / 'counted.h'}"]), check=True)
     return library
 
 

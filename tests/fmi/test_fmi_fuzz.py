@@ -14,7 +14,7 @@ import pytest
 import fuzzed
 from bodies import random_body
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.core.building import command as compile_command, system_compiler
+from flexfmu.core.building import system_compiler
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, StressSet
@@ -116,24 +116,9 @@ def test_no_sequence_of_calls_ends_the_process_or_breaks_the_rules(kinds, runtim
 
 
 @pytest.fixture(scope="module")
-def sanitized(tmp_path_factory):
-    """The core compiled with AddressSanitizer and UndefinedBehaviorSanitizer, and what must be loaded before it."""
-    compiler = system_compiler()
-    if sys.platform != "linux" or compiler is None or "gcc" not in subprocess.run(
-        [*compiler, "-v"], capture_output=True, text=True, check=False
-    ).stderr:  # fmt: skip
-        pytest.skip("sanitizers are used by way of gcc on Linux")
-    path = tmp_path_factory.mktemp("sanitized") / "core.so"
-    flags = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-O1", "-g")
-    done = subprocess.run(compile_command(compiler, path, None, flags), capture_output=True, text=True, check=False)
-    if done.returncode:
-        pytest.skip(f"gcc has no sanitizers here: {done.stderr[-300:]}")
-    names = ("libasan.so", "libubsan.so")
-    first = [
-        subprocess.run([*compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=True)
-        for name in names
-    ]
-    return path, " ".join(found.stdout.strip() for found in first)
+def sanitized(sanitized_core, gcc_library):
+    """The core with sanitizers, and what must be loaded before it."""
+    return sanitized_core, " ".join(map(gcc_library, ("libasan.so", "libubsan.so")))
 
 
 @pytest.mark.slow

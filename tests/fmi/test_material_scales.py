@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -42,7 +43,9 @@ def portal():
     return strip(mesh=mesh, interfaces={"tip": Interface(tip, compliance=True)}, cuts="auto")
 
 
-def built(arguments, stiffer=1.0, denser=1.0):
+@cache
+def built(make, stiffer=1.0, denser=1.0):
+    arguments = make()
     mesh = arguments["mesh"]
     steel = [replace(m, youngs_modulus=stiffer * m.youngs_modulus, density=denser * m.density) for m in mesh.materials]
     body = Body(**{**arguments, "mesh": replace(mesh, materials=tuple(steel))}, damping=0.02, stress={"all": "ALL"})
@@ -74,9 +77,8 @@ def test_scales_of_the_material_are_as_if_the_body_were_built_of_it(make, start,
     before = {"initialization": start, "internal_step.limit": 1e-4}
     if start == "static":
         before |= {"tip.force.x": 50.0, "body.acceleration.z": -200.0}
-    arguments = make()
-    names, rows, log, one = motion(built(arguments), tmp_path, loads, **before, **SCALES)
-    _, expected, words, other = motion(built(arguments, STIFFER, DENSER), tmp_path, loads, **before)
+    names, rows, log, one = motion(built(make), tmp_path, loads, **before, **SCALES)
+    _, expected, words, other = motion(built(make, STIFFER, DENSER), tmp_path, loads, **before)
     size = np.abs(expected).max(axis=0)
     units = {variable.name: variable.unit for variable in variable_table(one.model)}
     kinds = [units[name] if "compliance" in name else re.sub(r"\.[xyz]$", "", name) for name in names]
@@ -104,7 +106,7 @@ def test_scales_of_the_material_are_as_if_the_body_were_built_of_it(make, start,
 @pytest.mark.slow
 def test_scales_change_what_they_should(tmp_path):
     """The linear deflection goes with 1 over the stiffness, the first frequency with its root."""
-    model = built(strip())
+    model = built(strip)
     given = {"initialization": "static", "method": "linear", "tip.force.y": 1.0}
     plain, stiff = (
         Driven(model, tmp_path, **given, **more).motion("tip")[1] for more in ({}, {"stiffness.scale": 2.0})
@@ -114,7 +116,7 @@ def test_scales_change_what_they_should(tmp_path):
 
 @pytest.mark.slow
 def test_a_picture_of_a_run_knows_the_scales(tmp_path):
-    model = built(strip())
+    model = built(strip)
     loads = np.zeros((2, 10))
     loads[:, 0], loads[:, 2], loads[:, 9] = (0.0, 2e-3), 300.0, 9.81
     parameters = {name: str(value) for name, value in SCALES.items()}
@@ -129,10 +131,10 @@ def test_a_picture_of_a_run_knows_the_scales(tmp_path):
 
 @pytest.mark.slow
 def test_a_body_with_springs_or_masses_of_their_own_offers_no_such_scale():
-    free = {variable.name for variable in variable_table(built(strip()))}
+    free = {variable.name for variable in variable_table(built(strip))}
     assert set(SCALES) <= free
-    sprung = strip(supports=[Support("ROOT", stiffness=[1e6, 1e6, 1e6])])
-    names = {variable.name for variable in variable_table(built(sprung))}
+    sprung = built(lambda: strip(supports=[Support("ROOT", stiffness=[1e6, 1e6, 1e6])]))
+    names = {variable.name for variable in variable_table(sprung)}
     assert "stiffness.scale" not in names
     assert "density.scale" in names
     laden = replace(random_body(), properties=_with_mass())

@@ -1,7 +1,6 @@
 """Programs that are cut short, altered or forged: refused, or answered without a crash, a hang or nonsense."""
 
 import os
-import shutil
 import struct
 import subprocess
 import sys
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 
 from bodies import beam_body, body_of_everything
-from flexfmu.core import building
 from flexfmu.core.interface import _HEAD, DESCRIPTION, ProgramError, fields, packed, read_image, write_image
 from flexfmu.core.library import Core, library_path
 from flexfmu.files.basics import OptionError
@@ -23,7 +21,6 @@ from program_fuzzer import places, resealed, small_programs
 pytestmark = pytest.mark.slow
 
 FUZZER = Path(__file__).parents[1] / "program_fuzzer.py"
-SANITIZERS = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
 
 
 @pytest.fixture(scope="module")
@@ -164,21 +161,11 @@ def test_an_fmu_with_a_forged_program_is_refused_or_harmless():
 
 
 @pytest.fixture(scope="module")
-def checked_core(tmp_path_factory):
-    """The core compiled with checks of every access and every operation, and what has to be loaded before it."""
-    compiler = shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("no gcc for sanitizers")
-    path = tmp_path_factory.mktemp("checked") / "core.so"
-    done = subprocess.run(
-        building.command([compiler], path, extra=SANITIZERS), capture_output=True, text=True, check=False
-    )
+def checked_core(sanitized_core, gcc_library):
+    """The core with sanitizers, and what has to be loaded before it."""
     # The second one for libraries in C++ that Python loads: the first looks for their exceptions when it starts.
-    asks = ([compiler, f"-print-file-name={name}"] for name in ("libasan.so", "libstdc++.so"))
-    found = [Path(subprocess.run(ask, capture_output=True, text=True, check=True).stdout.strip()) for ask in asks]
-    if done.returncode or not found[0].is_absolute():
-        pytest.skip(f"gcc has no sanitizers here: {done.stderr[-200:]}")
-    return path, ":".join(str(runtime.resolve()) for runtime in found if runtime.is_absolute())
+    found = [Path(gcc_library(name)) for name in ("libasan.so", "libstdc++.so")]
+    return sanitized_core, ":".join(str(runtime.resolve()) for runtime in found if runtime.is_absolute())
 
 
 @pytest.mark.parametrize("count", [150, pytest.param(10**4, marks=pytest.mark.long)])

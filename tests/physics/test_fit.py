@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 from demo.fit.scenes import DEMONSTRATIONS, judging_scene, run
 from rich.console import Console
+from typer.testing import CliRunner
 
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.calls.describing import describe
+from flexfmu.commands.cli import app
 from flexfmu.files.basics import OutputError
 from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store
@@ -542,17 +544,16 @@ def test_the_command_writes_a_body_file_and_its_fmu(tmp_path):
     assert read_packaged_body(tmp_path / "lean.fmu").mode_count == written.mode_count
 
 
-def test_the_command_fails_by_exit_code_last_line_and_json_where_no_model_meets_the_tolerance(tmp_path):
+def test_the_command_fails_by_exit_code_last_line_and_json_where_no_model_meets_the_tolerance(tmp_path, monkeypatch):
     with_results(
         tmp_path, FIT.replace("[1, 2, 4, 8]", '[1]\nbasis = ["normal"]').replace("[10]", "[4]").replace("0.005", "1e-6")
     )
     program = str(Path(sys.executable).parent / "flexfmu")
-    command = [program, "fit", "body.toml", "--scene", "scene.toml", "--output", "lean.toml"]
-    plain, data = (
-        subprocess.run([*command, *more], cwd=tmp_path, capture_output=True, text=True, check=False)
-        for more in ([], ["--json"])
-    )
-    assert (plain.returncode, data.returncode) == (3, 3), plain.stderr
+    command = ["fit", "body.toml", "--scene", "scene.toml", "--output", "lean.toml"]
+    plain = subprocess.run([program, *command], cwd=tmp_path, capture_output=True, text=True, check=False)
+    monkeypatch.chdir(tmp_path)
+    data = CliRunner().invoke(app, [*command, "--json"])
+    assert (plain.returncode, data.exit_code) == (3, 3), plain.stderr
     assert plain.stdout.splitlines()[-1].startswith("fail: ")
     found = json.loads(data.stdout)
     assert found["pass"] is False

@@ -17,6 +17,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import InputTable, InterfaceTable, MeshTable
 from flexfmu.files.basics import ModalFileError, OptionError
 from flexfmu.files.outputs import Reporter
+from flexfmu.files.store import Store
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.inertia import without_frames
 from flexfmu.model.methods import Mass, Method, Variant, masses_of
@@ -89,7 +90,8 @@ def whole(bodies):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(piece, "lumped_mass", watched)
             patch.setattr(lumping, "LUMPS", count)
-            return build.reduce_body(config.model_copy(update={"frames": 4, "reduction": reduction}), Reporter()), known
+            body = config.model_copy(update={"frames": 4, "reduction": reduction})
+            return build.reduce_body(body, Reporter(), Store(None)), known
 
     return make
 

@@ -73,7 +73,7 @@ def test_a_sudden_dead_load_changes_no_energy_at_any_step_length(step):
     assert energy_drift(1500, step) < 1e-11
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_energy_is_kept_over_two_hundred_thousand_steps():
     drift = energy_drift(200_000, 1e-3, every=100)
     print(f"drift {drift:.1e} of the largest energy")

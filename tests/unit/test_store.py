@@ -100,7 +100,7 @@ def test_other_interfaces_frames_and_formulations_take_the_same_modes(store):
     for changes in ({"interface": [middle]}, {"frames": 3}):
         body, reused = build(store, **changes)
         assert reused == ["normal modes"]
-        fresh, _ = build(Store(), **changes)
+        fresh, _ = build(Store(None), **changes)
         assert same(body, fresh)
 
 

@@ -5,6 +5,7 @@ import threadpoolctl
 
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.outputs import Reporter
+from flexfmu.files.store import Store
 from flexfmu.mesh.elements import ElementType
 from meshes import body_file, box
 
@@ -31,7 +32,7 @@ def test_a_build_takes_one_thread_of_openblas(tmp_path):
         given = threads()
         if given != [2] * len(before):
             pytest.skip("OpenBLAS has one thread only")
-        reduce_body(config, looking)
+        reduce_body(config, looking, Store(None))
         assert threads() == given
     assert looking.seen
     assert all(each == [1] * len(before) for each in looking.seen.values())

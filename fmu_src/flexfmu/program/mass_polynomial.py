@@ -121,9 +121,9 @@ def _derivatives(body: ReducedBody, size: FloatArray, turning: Turning | None, o
 
     Of a body that slides, of the mass about its centre, and three numbers more: of that centre, seen from the root.
     """
-    found, result = _lumps_mass(body, turning), []
+    found, each_way, result = _lumps_mass(body, turning), np.diag(size), []
     for one in of:
-        ways = _TURN[len(one) - 1] * np.diag(size)[list(one)]
+        ways = _TURN[len(one) - 1] * each_way[list(one)]
         # What is linear in each of the ways is left of this sum.
         signs = list(product((1.0, -1.0), repeat=len(one)))
         whole = sum(prod(each) * found(np.array(each) @ ways) for each in signs)
@@ -137,7 +137,7 @@ def _lumps_mass(body: ReducedBody, turning: Turning | None) -> Callable[[FloatAr
     count, slides = inertial_modes(body), turning is not None and turning.slides
 
     def found(way: FloatArray) -> FloatArray:
-        mass: FloatArray = core.mass(np.pad(way, (rigid, 0)))[:count, :count]
+        mass: FloatArray = core.mass(np.concatenate([np.zeros(rigid), way]))[:count, :count]
         if turning is None or not slides:
             return mass.ravel()
         push = mass[:, :rigid] @ turning.coordinates
