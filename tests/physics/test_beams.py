@@ -219,6 +219,7 @@ def test_beams_of_three_nodes_are_two_of_two(tmp_path):
     three = read(tmp_path, clamped(points, elements=[[0, 1, 2], [2, 3, 4]], kind="B32R"))
     two = read(tmp_path, clamped(points))
     assert three.element_sets["B"].tolist() == [0, 1, 2, 3]
+    assert "5 nodes of beams" in two.notes
     forces = loads(two, (1.0, 2.0, 3.0))
     np.testing.assert_allclose(linear(three, forces), linear(two, forces), atol=1e-20)
 
@@ -242,6 +243,7 @@ def test_a_beam_bends_the_plate_that_it_stands_on(tmp_path):
     text += "1, 2, 3, 4, 5, 21, 22, 23, 24, 25\n" + MATERIAL.format(nu=NU)
     text += "*SHELL SECTION, ELSET=P, MATERIAL=S\n0.005\n" + SECTION.format("RECT", "0.02, 0.02", "0, 1, 0")
     mesh = read(tmp_path, text + "*BOUNDARY\nROOT, 1, 6\nTIP, 6, 6\n")
+    assert any(note.startswith("2 nodes of beams; shells turn with 1 of them") for note in mesh.notes)
     moved, turned = motion(mesh, linear(mesh, loads(mesh, (1.0, 0.0, 0.0))))
     bending = E * 0.02**4 / 12.0
     post = 0.3**3 / (3.0 * bending)

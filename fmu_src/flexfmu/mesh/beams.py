@@ -298,7 +298,7 @@ def _hinged(mesh: Mesh, uses: _Uses) -> BoolArray:
 def _words(uses: _Uses, every: IntArray, blocks: Sequence[ElementBlock], beams: Mapping[int, Beam]) -> Iterator[str]:
     """What beams have become."""
     shared = int((uses.solid | uses.shell)[every].sum())
-    yield f"{every.size} nodes of beams; {shared} are shared: shells turn with them, solids only move there"
+    yield f"{every.size} nodes of beams" + f"; shells turn with {shared} of them, solids only move there" * bool(shared)
     labels = [label for block in blocks if block.type.beam for label in block.labels.tolist()]
     if bars := sum(not any(beams[label].section.constants[1:3]) for label in labels):
         yield f"{bars} beams do not bend: they get a millionth of their stiffness for that; hold hinges by supports"
