@@ -19,6 +19,7 @@ from flexfmu.build.tables import CutTable, MeshTable, SupportTable
 from flexfmu.core.interface import read_image
 from flexfmu.files.basics import BodyFileError, OptionError, UnitSystem
 from flexfmu.files.outputs import Reporter
+from flexfmu.files.store import Store
 from flexfmu.fmu.package import package_fmu
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
@@ -66,13 +67,14 @@ def portal():
     )
 
 
-def reduced(folder, report=None, **tables):
+def reduced(folder, report=None, store=None, **tables):
     """The portal, reduced; its corner is an interface."""
     mesh = portal()
     top = np.flatnonzero((mesh.points[:, 1] > 0.199) & (mesh.points[:, 0] < 0.021))
     mesh = replace(mesh, node_sets={**mesh.node_sets, "CORNER": top})
     options = {"frames": 4, "reduction": {"modes": 10, "residual_flexibility": True}} | tables
-    return reduce_body(body_file(mesh, folder, interface=["CORNER"], support="FEET", **options), report or Reporter())
+    config = body_file(mesh, folder, interface=["CORNER"], support="FEET", **options)
+    return reduce_body(config, report or Reporter(), store)
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +119,7 @@ def test_factors_of_the_whole_and_of_its_parts_make_room_for_each_other(cut, tmp
         return supported(matrices, rigid, note)
 
     monkeypatch.setattr("flexfmu.reduction.basis.supported", counted)
-    large = reduced(tmp_path, cut=[{"nodes": "MID"}])
+    large = reduced(tmp_path, store=Store(None), cut=[{"nodes": "MID"}])
     assert found.count(max(found)) == 2
     np.testing.assert_array_equal(compliance(large), compliance(cut))
     np.testing.assert_array_equal(large.frequency_spread, cut.frequency_spread)
