@@ -74,7 +74,7 @@ def pytest_collection_modifyitems(items):
 
 
 @pytest.fixture(scope="session")
-def kept(tmp_path_factory):
+def kept_builds(tmp_path_factory):
     """Folder of what is kept of builds, one for all processes of the tests."""
     # Where pytest's own folders are does not change later. The folder of a process lies in that of the run.
     folder = tmp_path_factory.getbasetemp()
@@ -82,7 +82,7 @@ def kept(tmp_path_factory):
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _temporary(kept):
+def _temporary(kept_builds):
     """What tests, their processes and fmpy unpack is gone at the end.
 
     What builds keep, by the code that made it and what went in, is made once in a run and leaves the user's own alone:
@@ -96,8 +96,8 @@ def _temporary(kept):
     ):
         patch.setenv("TMPDIR", folder)
         patch.setattr(tempfile, "tempdir", None)
-        patch.setenv("FLEXFMU_CACHE", str(kept))
-        patch.setattr(Store.__init__, "__defaults__", (kept,))
+        patch.setenv("FLEXFMU_CACHE", str(kept_builds))
+        patch.setattr(Store.__init__, "__defaults__", (kept_builds,))
         yield
 
 

@@ -13,13 +13,13 @@ SANITIZERS = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recove
 
 
 @pytest.fixture(scope="session")
-def sanitized_core(kept):
+def sanitized_core(kept_builds):
     """The core compiled with checks of every access and every operation, by the process that asks first."""
     compiler = shutil.which("gcc")
     if sys.platform != "linux" or compiler is None:
         pytest.skip("sanitizers are used by way of gcc on Linux")
-    kept.mkdir(parents=True, exist_ok=True)
-    core, begun = kept / "sanitized.so", kept / "sanitized.begun"
+    kept_builds.mkdir(parents=True, exist_ok=True)
+    core, begun = kept_builds / "sanitized.so", kept_builds / "sanitized.begun"
     while not core.exists():
         try:
             begun.touch(exist_ok=False)
@@ -27,7 +27,7 @@ def sanitized_core(kept):
             time.sleep(0.2)
             continue
         try:
-            part = kept / "part.so"
+            part = kept_builds / "part.so"
             words = command([compiler], part, extra=SANITIZERS)
             done = subprocess.run(words, capture_output=True, text=True, check=False)
             if done.returncode:
