@@ -294,6 +294,24 @@ static double bound_of(double share, double soft, double within, double flat, do
     return MARGIN * (share / sqrt(soft) + within * within / 6.0 + 2.0 * flat) + 4.0 * strain * strain;
 }
 
+/* The shadow's coordinates where shapes of second order stay coordinates that are none of the body's: there they have the
+ * displacement of second order, in the body they do not. */
+static void move_along_shapes(Body *body, Body *shadow, const double *q, Room *room) {
+    const Program *s = shadow->p;
+    const int64_t n = body->p->modes;
+    Arena arena = work_arena(body);
+    Stretch own;
+    take_stretch(body, &arena, &own);
+    if (arena.refused) return;
+    stretch_at(shadow, room->q, &room->stretch);
+    if (!due(shadow->slice, (double)(2 * (body->p->stretch_numbers + s->stretches * s->modes + n * s->modes)))) return;
+    memset(room->rigid, 0, (size_t)n * sizeof(double));
+    stretch_at(body, q, &own);
+    add_along_shapes(body, &own, 1.0, room->rigid);
+    add_along_shapes(shadow, &room->stretch, -1.0, room->q);
+    for (int64_t i = 0; i < s->modes; i++) room->q[i] += dot(s->embedding + i * n, room->rigid, n);
+}
+
 /* Cost of placing the body: of many calls, and of products that go by vectors. */
 static const double CALLS = 2500.0, OF_VECTORS = 0.3;
 
@@ -312,6 +330,7 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
     }
     const Rows now = rows_due(slice, shadow->p->modes, (double)(2 * n));
     rows_times(shadow->p->embedding + now.at * n, q, room->q + now.at, now.end - now.at, n);
+    if (shadow->opened->keeps_shapes) move_along_shapes(body, shadow, q, room);
     take_configuration(body, &arena, &at);
     if (arena.refused) return fails(slice);
     if (due(slice, third)) {

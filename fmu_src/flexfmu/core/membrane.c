@@ -90,6 +90,13 @@ void stretch_at(const Body *body, const double *q, Stretch *at) {
     }
 }
 
+void add_along_shapes(const Body *body, const Stretch *at, double factor, double *out) {
+    const Program *p = body->p;
+    for (int64_t r = 0; r < p->stretches; r++)
+        for (int64_t j = p->rigid; j < p->modes; j++)
+            out[j] += 2.0 * factor * at->bent[r] * p->stretch_linear[r * p->modes + j] / body->opened->stiffness[j];
+}
+
 double stretch_energy(const Body *body, const Stretch *at) {
     double energy = 0.0;
     for (int64_t r = 0; r < body->p->stretches; r++)

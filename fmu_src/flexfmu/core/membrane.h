@@ -15,6 +15,8 @@ void take_stretch(const Body *body, Arena *arena, Stretch *at);
 /* The same with room for the stiffness. */
 void take_stretch_stiffness(const Body *body, Arena *arena, Stretch *at);
 void stretch_at(const Body *body, const double *q, Stretch *at);
+/* out (m) += a factor times the sum of t eta, (18b). */
+void add_along_shapes(const Body *body, const Stretch *at, double factor, double *out);
 double stretch_energy(const Body *body, const Stretch *at);
 /* out -= the discrete gradient of the energy between two places; its derivative where they are one and the same. */
 void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b, double *out);

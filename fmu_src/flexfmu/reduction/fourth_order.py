@@ -181,15 +181,19 @@ class FourthOrder:
         # What is above the diagonal was not asked for.
         return np.tril(result) + np.tril(result, -1).T
 
-    def turns(self, forces: FloatArray) -> FloatArray:
-        """Rotation (p,) of the material, rms over its volume, in static responses to nodal forces (3n, p)."""
+    def turns(self, forces: FloatArray, known: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rotation (p,) of the material, rms over its volume, in static responses to nodal forces (3n, p).
+
+        The second (p,): the same less displacements (3n, p) that are known of them.
+        """
         model, count = self.matrices.supported, forces.shape[1]
-        result = np.empty(count)
+        result = np.empty((2, count))
         for first in range(0, count, _COLUMNS):
             part = slice(first, first + _COLUMNS)
             fields = model.whole(model.static(model.forces(forces[:, part])))
-            result[part] = np.sqrt(np.diag(mean_spin(self._mesh, fields)))
-        return result
+            for row, turned in enumerate((fields, fields - known[:, part])):
+                result[row, part] = np.sqrt(np.diag(mean_spin(self._mesh, turned)))
+        return result[0], result[1]
 
     def responses(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Static responses to nodal forces (3n, l) and accelerations along the axes that are no mere stretch.

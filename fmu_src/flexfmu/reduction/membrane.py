@@ -21,7 +21,7 @@ from ..fe.gradients import mean_spin
 from ..files.basics import FloatArray, IntArray, ModelError
 from ..files.store import content_key
 from ..model.inertia import Membrane
-from .basis import Matrices
+from .basis import TURNING, Matrices
 from .fourth_order import FourthOrder, energy_shares, turning_scale
 from .modes import Modes
 
@@ -45,9 +45,9 @@ _LOW_MODES = 6
 # Turn by w over the square of the angle beyond which w is a motion of its own: 0.3 to 1.4 in cantilevers, curved bars
 # and flat plates, 1.1 to 2.3 in a portal frame, by the basis, 5 in a shallow arch, 9 in a roof.
 _LARGE = 3.3
-# Part of w's turn that the finite element model must show: 0.96 to 1.02 in arches and roofs, 0.01 in a bracket, whose
-# only shape along itself, a static one, bends as well.
-_SHOWN = 0.5
+# Part of w's turn that the basis may miss: up to 0.23 in arches, 1 and more in most others, whose only shapes along
+# themselves bend as well.
+_MISSED = 0.3
 # Relative size below which a shape of w is no other than those before: at 1e-2 the limit load of an arch was 0.6 % low
 # with forty modes, 0.09 % with twenty.
 _SAME = 2e-3
@@ -161,13 +161,14 @@ class Stretching:
         fields, pairs = unit @ directions, np.stack([first, second], axis=1)
         # Rows of forms by pair, and what is linear beside them, in coordinates of unit energy.
         forms, linear, signs = [], [], []
+        large = TURNING if least == _FINER else _LARGE
         if stretching:
             energies, forces = self._fourth.stretching(fields, pairs)
             forms.append(self._forms(energies, first, second, least))
             if keep_shapes:
                 # w = −C(q, q).
                 against = unit.T @ forces
-                shapes = self._turning_shapes(against, forces, first, second)
+                shapes = self._turning_shapes(against, forces, first, second, large)
                 forms.append(shapes.T @ against / np.sqrt(2.0))
                 linear = [np.zeros((len(forms[0]), count)), shapes.T / np.sqrt(2.0)]
             signs = [np.ones(len(rows)) for rows in forms]
@@ -194,24 +195,27 @@ class Stretching:
                 "[reduction]"
             )
 
-    def _turning_shapes(self, against: FloatArray, forces: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
-        """Orthonormal shapes (e, k) of w that turn the material by more than the motions that make them do.
+    def _turning_shapes(
+        self, against: FloatArray, forces: FloatArray, first: IntArray, second: IntArray, least: float
+    ) -> FloatArray:
+        """Orthonormal shapes (e, k) of w that turn the material by `least` times the square of the motions' angle.
 
         The basis may know a mere shortening by shapes that bend as well: in the finite element model w turns, too.
         """
-        motions, large, pairs = self.motions @ self._directions, [], []
+        motions, turning, pairs = self.motions @ self._directions, [], []
         for i, one in enumerate(motions):
             for other in motions[: i + 1]:
                 pair = one[first] * other[second] + np.where(first == second, 0.0, one[second] * other[first])
                 w = against @ pair
-                if w @ self._spin @ w > _LARGE**2:
-                    large.append(w)
+                if w @ self._spin @ w > least**2:
+                    turning.append(w)
                     pairs.append(pair)
-        if not large:
+        if not turning:
             return np.zeros((self._omega.size, 0))
-        found = np.array(large).T
-        turned = np.sqrt(np.einsum("ap,ab,bp->p", found, self._spin, found))
-        found = found[:, self._fourth.turns(forces @ np.array(pairs).T) > _SHOWN * turned]
+        found = np.array(turning).T
+        own = self.modes.shapes[:, self._elastic] / self._omega @ found
+        turned, missed = self._fourth.turns(forces @ np.array(pairs).T, own)
+        found = found[:, missed < _MISSED * turned]
         shapes, sizes, _ = np.linalg.svd(found, full_matrices=False)
         return shapes[:, sizes > _SAME * sizes[:1]]
 

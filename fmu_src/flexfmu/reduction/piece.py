@@ -23,6 +23,7 @@ from .basis import (
     stiffness_by_load,
     stiffness_by_mode,
     third_order_loads,
+    turning_loads,
     with_third_order,
 )
 from .bodies import (
@@ -159,7 +160,7 @@ def reduced_piece(
     work = finer_work = warping.T @ basis.modes.shapes
     if config.certificate:
         with report.stage("Reduce the body once more, finer, to know its error"):
-            finer, finer_basis = _shadow(divided, basis, every)
+            finer, finer_basis = _shadow(divided, basis, every, body.membrane is not None)
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
         span = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, basis.modes.shapes))
         body, finer_work = replace(body, shadow=Shadow(finer, span)), warping.T @ finer_basis.modes.shapes
@@ -168,7 +169,7 @@ def reduced_piece(
     return Reduced(body, work, finer_work, fine, shapes, span)
 
 
-def _shadow(divided: _Divided, basis: _Basis, every: FloatArray) -> tuple[ReducedBody, _Basis]:
+def _shadow(divided: _Divided, basis: _Basis, every: FloatArray, stretches: bool) -> tuple[ReducedBody, _Basis]:
     """The body once more, with more frames and all that its basis may lack under loads (3n, l)."""
     matrices, model, loads = basis.matrices.quiet, divided.model, divided.unit_loads()
     finer = shadow_options(divided.config, divided.subdomains)
@@ -177,7 +178,11 @@ def _shadow(divided: _Divided, basis: _Basis, every: FloatArray) -> tuple[Reduce
     third = matrices.kept(key, "shapes of third order", make)
     key = content_key(__name__, "buckling", matrices.key, loads)
     buckled = matrices.kept(key, "shapes of buckling", lambda: buckling_loads(matrices, loads))
-    modes, key = completed_basis(matrices, basis.modes, basis.key, np.hstack([every, third, buckled]))
+    turning = loads[:, :0]
+    if stretches and not divided.cut:
+        key = content_key(__name__, "turning", matrices.key, loads)
+        turning = matrices.kept(key, "displacements of second order", lambda: turning_loads(matrices, loads))
+    modes, key = completed_basis(matrices, basis.modes, basis.key, np.hstack([every, third, buckled, turning]))
     again = _divided(finer, model, matrices.report, divided.springs, divided.cut)
     own = _Basis(matrices, modes, key, frame_operators(model.mesh.points, modes.shapes, again.subdomains))
     return _reduced(again, own), own
