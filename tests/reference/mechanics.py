@@ -136,7 +136,7 @@ class Reference:
         else:
             row = number if lump < 0 else number - self.lumps.stop + self.lumps.start
             w, z = ((given[row] @ q) @ q for given in (second.displacement, second.rotation))
-        shift = self._shift(q)
+        shift = self.shift(q)
         w = w + 2.0 * node.displacement @ shift
         z = None if z is None else z + 2.0 * node.rotation @ shift
         if parent is None:
@@ -152,7 +152,7 @@ class Reference:
         bent = bent - 0.5 * np.cross(theta, np.cross(theta, arm))
         return bent, np.zeros(3) if z is None else 0.5 * (z - carrier) - 0.5 * np.cross(theta, turn)
 
-    def _shift(self, q):
+    def shift(self, q):
         """Modal coordinates of the part of w that coordinates hold (section 4c): Σ t_r η_r, q + t η is free of it."""
         shift = np.zeros_like(q)
         for s, line, _ in zip(*self._stretches(), strict=True):

@@ -243,9 +243,9 @@ _KEPT = 2_000_000
 # Rotation of the material (rms, rad) at which shapes are compared: over all of it; of the second round, where it turns.
 _TURN, _OWN_TURN = 0.5, 0.6
 # Turn by displacements of second order over the square of the motions' (rms) from which they are coordinates of the
-# shadow: 1.2 in a thin strip that both ends hold, with a boss on one face, 0.1 in a channel. How much less of it, in
-# squares, is none, and how many there are at most.
-TURNING, _NO_TURN, _TURNED = 0.5, 1e-3, 8
+# shadow: 1.2 in a thin strip that both ends hold, with a boss on one face; up to 0.5, what two turns one after the
+# other make, in bodies that one end holds. How much less of it, in squares, is none, and how many there are at most.
+TURNING, _NO_TURN, _TURNED = 0.8, 1e-3, 8
 
 
 def with_third_order(matrices: Matrices, modes: Modes, key: str, loads: FloatArray, far: bool) -> tuple[Modes, str]:
@@ -325,10 +325,9 @@ def turning_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
     fields = softest_motions(matrices, loads)[0] / _TURN
     pairs = np.array(list(combinations_with_replacement(range(fields.shape[1]), 2)))
     forces = quadratic_strain(mesh, fields, pairs, tell_nobody)[0]
-    # Pairs of two motions stand for two.
-    forces *= np.where(pairs[:, 0] == pairs[:, 1], 1.0, np.sqrt(2.0))
-    turned, axes = np.linalg.eigh(mean_spin(mesh, model.whole(model.static(model.forces(forces)))))
-    kept = np.flatnonzero((turned > _NO_TURN * turned[-1]) & (turned[-1] > TURNING**2))[::-1]
+    spin = mean_spin(mesh, model.whole(model.static(model.forces(forces))))
+    turned, axes = np.linalg.eigh(spin)
+    kept = np.flatnonzero((turned > _NO_TURN * turned[-1]) & (spin.diagonal().max() > TURNING**2))[::-1]
     return forces @ axes[:, kept[:_TURNED]]
 
 
