@@ -17,11 +17,10 @@ BODIES = {make.__name__: make for make in EVERY}
 SIMPLE, QUICK = ("fork", "stocky_rod"), ("stocky_rod",)
 # Thin ones that warp or evade sideways, curved, branched, looped, soft beside stiff, of tetrahedra.
 SAMPLE = ("angle", "chain_link", "channel", "cross", "elbow", "fork", "gutter", "rubber_mount", "strip", "wishbone")
+TENSE = "bossed_strip"
 # Of the kept record: the share of points that is right, and alarms without cause, of the third trial, kept for what is
-# wrong with its bodies, and of others. None is wrong in silence but of these bodies, by so much at most: tension beside
-# a boss on one face.
+# wrong with its bodies, and of others. None is wrong in silence.
 BOUNDS = {True: (0.6, 1), False: (0.905, 11)}
-SILENT = {"bossed_strip": 0.05}
 
 
 @cache
@@ -32,15 +31,9 @@ def rows(name):
 
 def names(bodies=BODIES):
     """Of bodies, by default all; those that take longest are marked."""
-    kinds = [() if name in QUICK else pytest.mark.slow if name in SAMPLE else pytest.mark.long for name in bodies]
+    slow = (*SAMPLE, TENSE)
+    kinds = [() if name in QUICK else pytest.mark.slow if name in slow else pytest.mark.long for name in bodies]
     return [pytest.param(name, marks=marks) for name, marks in zip(bodies, kinds, strict=True)]
-
-
-@cache
-def silent():
-    """Errors of the points that the record knows as wrong and silent."""
-    found = answered(read_records(RECORDS))
-    return {place(row): error(row) for row in found if error(row) > RIGHT and not told(row)}
 
 
 def place(row):
@@ -51,9 +44,18 @@ def place(row):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", names())
 def test_the_shortest_body_file_is_right_or_the_fmu_says_that_it_is_not(name):
-    """Points that the record knows as silent are at least no worse than there."""
     for row in rows(name):
-        assert told(row) or error(row) < 1.1 * silent().get(place(row), RIGHT), place(row)
+        assert told(row) or error(row) < RIGHT, place(row)
+
+
+@pytest.mark.slow
+def test_tension_that_bends_a_strip_beside_a_boss_is_known_by_its_shadow():
+    """The error of fifth order, which the energy of fourth knows nothing of, as CalculiX's deflection shows it."""
+    wrong = [row for row in rows(TENSE) if row["case"] in ("pushed", "pulled") and row["share"] != "0.1"]
+    assert len(wrong) == 4
+    for row in wrong:
+        assert told(row)
+        assert 0.7 < float(row["estimate"]) / error(row) < 1.3
 
 
 @pytest.mark.slow
@@ -114,13 +116,12 @@ def test_every_body_has_records_of_every_point():
 
 
 def test_no_more_points_of_the_record_are_silent_and_no_fewer_right_than_before():
-    assert all(off < SILENT.get(body, 0.0) for (body, *_), off in silent().items())
     kept, third = read_records(RECORDS), {make.__name__ for make in THIRD}
     for chosen, (share, alarms) in BOUNDS.items():
         found = summary([row for row in kept if (row["body"] in third) is chosen])
         assert found["right"] >= share * found["points"]
         assert found["false_alarms"] <= alarms
-    found = summary([row for row in kept if row["body"] not in SILENT])
+    found = summary(kept)
     assert found["silent"] == found["silent_beyond_3"] == 0
     assert found["certified_right"] >= 0.97 * found["certified"]
 

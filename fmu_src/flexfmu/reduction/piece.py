@@ -1,7 +1,7 @@
 """A body in one piece, or a part of a cut one: model → modes → interfaces and frames → reduced body."""
 
 import pickle
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -173,16 +173,16 @@ def _shadow(divided: _Divided, basis: _Basis, every: FloatArray, stretches: bool
     """The body once more, with more frames and all that its basis may lack under loads (3n, l)."""
     matrices, model, loads = basis.matrices.quiet, divided.model, divided.unit_loads()
     finer = shadow_options(divided.config, divided.subdomains)
-    key = content_key(__name__, "third order", basis.key, loads, divided.config.far)
-    make = partial(third_order_loads, matrices, basis.modes, loads, *THIRD[divided.config.far])
-    third = matrices.kept(key, "shapes of third order", make)
-    key = content_key(__name__, "buckling", matrices.key, loads)
-    buckled = matrices.kept(key, "shapes of buckling", lambda: buckling_loads(matrices, loads))
-    turning = loads[:, :0]
+
+    def kept(name: str, find: Callable[..., FloatArray], key: object, *more: Any) -> FloatArray:
+        return matrices.kept(content_key(__name__, name, key, loads), name, partial(find, matrices, *more))
+
+    far = divided.config.far
+    added = [every, kept("shapes of third order", third_order_loads, (basis.key, far), basis.modes, loads, *THIRD[far])]
+    added.append(kept("shapes of buckling", buckling_loads, matrices.key, loads))
     if stretches and not divided.cut:
-        key = content_key(__name__, "turning", matrices.key, loads)
-        turning = matrices.kept(key, "displacements of second order", lambda: turning_loads(matrices, loads))
-    modes, key = completed_basis(matrices, basis.modes, basis.key, np.hstack([every, third, buckled, turning]))
+        added.append(kept("displacements of second order", turning_loads, matrices.key, loads))
+    modes, key = completed_basis(matrices, basis.modes, basis.key, np.hstack(added))
     again = _divided(finer, model, matrices.report, divided.springs, divided.cut)
     own = _Basis(matrices, modes, key, frame_operators(model.mesh.points, modes.shapes, again.subdomains))
     return _reduced(again, own), own
