@@ -244,8 +244,10 @@ _KEPT = 2_000_000
 _TURN, _OWN_TURN = 0.5, 0.6
 # Turn by displacements of second order over the square of the motions' (rms) from which they are coordinates of the
 # shadow: 1.2 in a thin strip that both ends hold, with a boss on one face; up to 0.5, what two turns one after the
-# other make, in bodies that one end holds. How much less of it, in squares, is none, and how many there are at most.
-TURNING, _NO_TURN, _TURNED = 0.8, 1e-3, 8
+# other make, in bodies that one end holds. There the stretch holds at 0.5 rad (rms) 400 times the linear energy, in
+# lattices, bellows and blades, which do without such shapes, up to 0.5. How much less turn, in squares, is none, and
+# how many shapes there are at most.
+TURNING, TENSE, _NO_TURN, _TURNED = 0.8, 10.0, 1e-3, 8
 
 
 def with_third_order(matrices: Matrices, modes: Modes, key: str, loads: FloatArray, far: bool) -> tuple[Modes, str]:
@@ -322,12 +324,16 @@ def turning_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
     model, mesh = matrices.supported, matrices.model.mesh
     if not np.any(model.forces(loads)):
         return np.zeros((len(loads), 0))
-    fields = softest_motions(matrices, loads)[0] / _TURN
+    fields, energy = softest_motions(matrices, loads)
     pairs = np.array(list(combinations_with_replacement(range(fields.shape[1]), 2)))
-    forces = quadratic_strain(mesh, fields, pairs, tell_nobody)[0]
-    spin = mean_spin(mesh, model.whole(model.static(model.forces(forces))))
+    forces, held = quadratic_strain(mesh, fields, pairs, tell_nobody)
+    answer = model.static(model.forces(forces))
+    spin = mean_spin(mesh, model.whole(answer))
+    stretch = 0.5 * (held.diagonal() - (model.forces(forces) * answer).sum(axis=0))
+    tense = stretch > TENSE * np.sqrt(energy[pairs].prod(axis=1))
     turned, axes = np.linalg.eigh(spin)
-    kept = np.flatnonzero((turned > _NO_TURN * turned[-1]) & (spin.diagonal().max() > TURNING**2))[::-1]
+    enough = tense & (spin.diagonal() > (TURNING * _TURN**2) ** 2)
+    kept = np.flatnonzero((turned > _NO_TURN * turned[-1]) & enough.any())[::-1]
     return forces @ axes[:, kept[:_TURNED]]
 
 

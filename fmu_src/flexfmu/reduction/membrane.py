@@ -22,7 +22,7 @@ from ..fe.gradients import mean_spin
 from ..files.basics import FloatArray, IntArray, ModelError
 from ..files.store import content_key
 from ..model.inertia import Membrane
-from .basis import TURNING, Matrices
+from .basis import TENSE, TURNING, Matrices
 from .fourth_order import FourthOrder, energy_shares, turning_scale
 from .modes import Modes
 
@@ -46,10 +46,9 @@ _LOW_MODES = 6
 # Turn by w over the square of the angle beyond which w is a motion of its own: 0.3 to 1.4 in cantilevers, curved bars
 # and flat plates, 1.1 to 2.3 in a portal frame, by the basis, 5 in a shallow arch, 9 in a roof.
 _LARGE = 3.3
-# Part of w's turn that the basis may miss, in a body and in its shadow: up to 0.23 in arches, 0.6 to 1.2 in a half
-# cylinder, which is 18 % off with all of them, 5 with three, 25 with none; 1 and more in most others, whose only shapes
-# along themselves bend as well, 0.4 in a channel that its shadow would take to be 1.2 % off instead of 0.3.
-_MISSED, _MISSED_FINER = 0.7, 0.3
+# Part of w's turn that the basis may miss: up to 0.23 in arches, 0.47 in a fan blade, which is 7 % off with that shape
+# and 0.5 without, 1 and more in most others, whose only shapes along themselves bend as well.
+_MISSED = 0.3
 # Relative size below which a shape of w is no other than those before: at 1e-2 the limit load of an arch was 0.6 % low
 # with forty modes, 0.09 % with twenty.
 _SAME = 2e-3
@@ -163,14 +162,13 @@ class Stretching:
         fields, pairs = unit @ directions, np.stack([first, second], axis=1)
         # Rows of forms by pair, and what is linear beside them, in coordinates of unit energy.
         forms, linear, signs = [], [], []
-        large = (TURNING, _MISSED_FINER) if least == _FINER else (_LARGE, _MISSED)
         if stretching:
             energies, forces = self._fourth.stretching(fields, pairs)
             forms.append(self._forms(energies, first, second, least))
             if keep_shapes:
                 # w = −C(q, q).
                 against = unit.T @ forces
-                shapes = self._turning_shapes(against, forces, first, second, *large)
+                shapes = self._turning_shapes(energies, against, forces, first, second, least == _FINER)
                 forms.append(shapes.T @ against / np.sqrt(2.0))
                 linear = [np.zeros((len(forms[0]), count)), shapes.T / np.sqrt(2.0)]
             signs = [np.ones(len(rows)) for rows in forms]
@@ -198,22 +196,31 @@ class Stretching:
             )
 
     def _turning_shapes(
-        self, against: FloatArray, forces: FloatArray, first: IntArray, second: IntArray, least: float, most: float
+        self,
+        energies: FloatArray,
+        against: FloatArray,
+        forces: FloatArray,
+        first: IntArray,
+        second: IntArray,
+        finer: bool,
     ) -> FloatArray:
-        """Orthonormal shapes (e, k) of w that turn the material by `least` times the square of the motions' angle.
+        """Orthonormal shapes (e, k) of w that turn the material by more than the square of the motions' angle.
 
-        The basis may know a mere shortening by shapes that bend as well: it misses `most` of the turn at most.
+        The basis may know a mere shortening by shapes that bend as well: it misses a part of the turn at most.
         """
-        both = combinations_with_replacement(self.motions @ self._directions, 2)
+        both = list(combinations_with_replacement(self.motions @ self._directions, 2))
         pairs = [a[first] * b[second] + np.where(first == second, 0.0, a[second] * b[first]) for a, b in both]
         amplitudes = np.array(pairs).T.reshape(len(first), -1)
+        linear = [0.5 * np.linalg.norm(a) * np.linalg.norm(b) for a, b in both]
+        tense = _TURN**2 * (amplitudes * (energies @ amplitudes)).sum(axis=0) > TENSE * np.array(linear)
         found = against @ amplitudes
-        large = np.einsum("ap,ab,bp->p", found, self._spin, found, optimize=True) > least**2
+        turned = (found * (self._spin @ found)).sum(axis=0)
+        large = turned > np.where(tense & finer, TURNING, _LARGE) ** 2
         if not large.any():
             return np.zeros((self._omega.size, 0))
         found, unit = found[:, large], self.modes.shapes[:, self._elastic] / self._omega
         turned, missed = self._fourth.turns(forces @ amplitudes[:, large], unit @ found)
-        found = found[:, missed < most * turned]
+        found = found[:, missed < _MISSED * turned]
         shapes, sizes, _ = np.linalg.svd(found, full_matrices=False)
         return shapes[:, sizes > _SAME * sizes[:1]]
 
