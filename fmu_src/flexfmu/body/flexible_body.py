@@ -145,8 +145,7 @@ class FlexibleBody:
         self.variant, self.method = variant, variant.method
         self.model = with_frame_layout(with_fixed_interfaces(model, fixed, self.method), self.method)
         self.limits = limits
-        program = compile_program(self.model, self.method, variant.mass)
-        self.core = Core(program, damping_scale, limits)
+        self.core = Core(compile_program(self.model, self.method, variant.mass), damping_scale, limits)
 
     def __repr__(self) -> str:
         """Name, method and size."""

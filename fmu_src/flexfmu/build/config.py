@@ -335,8 +335,7 @@ def read_body_file(path: Path) -> BodyFile:
     """
     data = read_toml(path, BodyFileError, Kind.BODY)
     body = validated(BodyFile, data, BodyFileError, "docs/reference/body-file.md", path)
-    mesh = body.mesh.model_copy(update={"file": path.parent / body.mesh.file})
-    return body.model_copy(update={"mesh": mesh})
+    return body.model_copy(update={"mesh": body.mesh.model_copy(update={"file": path.parent / body.mesh.file})})
 
 
 def plain_tables(kind: type[Any], given: Sequence[Table], length: float = 1.0) -> tuple[Any, ...]:

@@ -131,8 +131,7 @@ def view_of_model(model: ReducedBody, request: Request, report: Reporter) -> Vie
     -------
     View
     """
-    settings = dict(request.settings or {})
-    body = body_with(model, settings, request.method)
+    body = body_with(model, dict(request.settings or {}), request.method)
     if request.live:
         return live_view(body, not (request.loads or request.table or request.modes))
     cases: list[Case] = []

@@ -109,8 +109,7 @@ def pack(
     from ..given.packing import pack_file
 
     body = pack_file(file, interface or [], support or [], frames, method, damping, name, reporter())
-    target = body.fmu(output or Path(f"{body.model.name}.fmu"))
-    show_written(target)
+    show_written(body.fmu(output or Path(f"{body.model.name}.fmu")))
 
 
 def info(
@@ -213,8 +212,7 @@ def view(
     if live and output:
         raise typer.BadParameter("it is a page, and --output another: give one of them", param_hint="--live")
     target = live or output or Path(f"{file.stem}.html")
-    settings = parse_parameters(parameter or [])
-    more = modes, colour, scale, method, settings, shapes, live is not None
+    more = modes, colour, scale, method, parse_parameters(parameter or []), shapes, live is not None
     seen = show(Request(file, target, table, tuple(load or ()), *more), reporter())
     for case in seen.view.cases[:1]:
         typer.echo(f"{case.name}: {case.note}")

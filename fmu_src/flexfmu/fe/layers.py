@@ -116,8 +116,7 @@ class Cells:
     def work(self, strains: FloatArray) -> FloatArray:
         """What works on strains (e, r, k): stress times volume, of the same shape."""
         stress = self.elasticity @ strains.reshape(len(strains), 6, -1)
-        weights = np.tile(self.volume, 6)[:, :, None]
-        return stress.reshape(len(stress), -1, strains.shape[2]) * weights
+        return stress.reshape(len(stress), -1, strains.shape[2]) * np.tile(self.volume, 6)[:, :, None]
 
     def nodal(self, work: FloatArray, slopes: FloatArray | None = None) -> FloatArray:
         """Forces (e, a + b, 3, k) of what works on strains (e, r, k) where the places have slopes, as of `operator`."""

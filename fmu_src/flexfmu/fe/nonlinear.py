@@ -103,8 +103,7 @@ class _Body:
         """Their derivative (3n, 3n), N/m."""
         parts = [self._spring, self._of_bushings(displacement)[1]]
         for part, *state in self._states(displacement):
-            matrices = _tangent(part, *state)
-            parts.append(assembled(part.nodes, part.eliminated(matrices)[0], displacement.size))
+            parts.append(assembled(part.nodes, part.eliminated(_tangent(part, *state))[0], displacement.size))
         total = summed(parts)
         return sp.csr_array(0.5 * (total + total.T))
 
@@ -113,9 +112,8 @@ class _Body:
         part, local = self._parts[number], displacement.reshape(-1, 3)[self._parts[number].nodes]
         (i, j), own = part.rows.T, self._own[number]
         for _ in range(_OWN_ROUNDS):
-            every = np.concatenate([local, own], axis=1)
             # Of the displacements themselves: as what places have more than at first, small strains would be round-off.
-            change = part.shape_slopes @ every
+            change = part.shape_slopes @ np.concatenate([local, own], axis=1)
             half = part.undeformed + 0.5 * change
             strain = np.einsum("erc,erc->er", change[:, i], half[:, j])
             strain += np.where(i == j, 0.0, np.einsum("erc,erc->er", change[:, j], half[:, i]))

@@ -56,8 +56,7 @@ def code_digest(module: str) -> str:
 def _installed() -> str:
     """Hash of all files of this package that hold code, and the versions of the libraries."""
     files = [path for path in sorted((_ROOT / _PACKAGE).rglob("*")) if path.suffix in (".py", *_COMPILED)]
-    texts = [(path.name, hashlib.sha256(path.read_bytes()).digest()) for path in files]
-    return _hash(texts, _versions())
+    return _hash([(path.name, hashlib.sha256(path.read_bytes()).digest()) for path in files], _versions())
 
 
 def _found_digest(module: str) -> str:

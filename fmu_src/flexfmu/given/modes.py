@@ -144,8 +144,7 @@ class GivenModes:
         materials = (*told, Material("given", 1.0, 0.0, density or 1.0))
         rows = [np.where(b.material == NO_MATERIAL, len(mesh.materials), b.material) for b in mesh.blocks]
         blocks = tuple(replace(block, material=row) for block, row in zip(mesh.blocks, rows, strict=True))
-        heavy = replace(mesh, materials=materials, blocks=blocks)
-        mass = mass_matrix(heavy)
+        mass = mass_matrix(replace(mesh, materials=materials, blocks=blocks))
         cells: dict[str, list[IntArray]] = {}
         for block in mesh.blocks:
             cells.setdefault(block.type.shape.name, []).append(block.connectivity)

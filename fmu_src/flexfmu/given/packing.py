@@ -250,8 +250,7 @@ def _mesh(given: GivenModes) -> tuple[Mesh, IntArray]:
     mesh = from_contents(Contents(plain, labels), "the cells", UnitSystem.SI)
     mesh = checked(mesh)
     blocks = tuple(replace(block, material=np.zeros(len(block.labels), dtype=np.int64)) for block in mesh.blocks)
-    volume = float(mesh.volumes.sum())
-    density = float(given.nodal_mass.sum()) / volume
+    density = float(given.nodal_mass.sum()) / float(mesh.volumes.sum())
     # Stiffness is in the modes; it is never asked for here.
     return replace(mesh, blocks=blocks, materials=(Material("given", 1.0, 0.0, density),)), mesh.labels
 

@@ -95,9 +95,8 @@ def second_opinion(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
         own = own + _by_mode(draft, body)
     depth = _depth(body)
     if body.second is not None and body.frame_count:
-        better = recipe_of(Method.SECOND_ORDER)
         # Without membrane energy, whose coordinates are others: what loads do at first order is the same.
-        plain = mechanics(replace(body, membrane=None), better)
+        plain = mechanics(replace(body, membrane=None), recipe_of(Method.SECOND_ORDER))
         source, change = _BY_SECOND_ORDER, unit_load_tangents(plain, body)
     elif body.stiffness_by_load is not None:
         source = _BY_LOAD

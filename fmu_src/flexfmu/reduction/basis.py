@@ -328,11 +328,10 @@ def turning_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
     pairs = np.array(list(combinations_with_replacement(range(fields.shape[1]), 2)))
     forces, held = quadratic_strain(mesh, fields, pairs, tell_nobody)
     answer = model.static(model.forces(forces))
-    spin = mean_spin(mesh, model.whole(answer))
-    stretch = 0.5 * (held.diagonal() - (model.forces(forces) * answer).sum(axis=0))
+    spin, stretch = mean_spin(mesh, model.whole(answer)), 0.5 * (held - model.forces(forces).T @ answer).diagonal()
     tense = stretch > TENSE * np.sqrt(energy[pairs].prod(axis=1))
-    turned, axes = np.linalg.eigh(spin)
     enough = tense & (spin.diagonal() > (TURNING * _TURN**2) ** 2)
+    turned, axes = np.linalg.eigh(spin)
     kept = np.flatnonzero((turned > _NO_TURN * turned[-1]) & enough.any())[::-1]
     return forces @ axes[:, kept[:_TURNED]]
 

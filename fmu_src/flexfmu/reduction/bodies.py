@@ -73,8 +73,7 @@ def body_subdomains(config: BodyOptions, model: Model) -> tuple[list[Subdomain],
         division = divide(mesh, anchored, config.levels)
         advice = _advised(division.cuts) if config.levels_asked else ()
         return top + on_floating_frame(division.subdomains, len(top)), advice
-    requests = frame_requests(config, mesh)
-    subdomains = requested_subdomains(mesh, held, requests)
+    subdomains = requested_subdomains(mesh, held, frame_requests(config, mesh))
     warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, subdomains))
     return top + on_floating_frame(subdomains, len(top)), warnings
 

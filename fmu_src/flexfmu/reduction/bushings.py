@@ -63,8 +63,7 @@ class End:
         lie = self.spread + z[..., 3:].reshape(*z.shape[:-1], 3, 3).swapaxes(-1, -2)
         for _ in range(_ROUNDS):
             seen = found.swapaxes(-1, -2) @ lie
-            off = np.einsum("ijk,...kj->...i", _PERMUTATION, seen)
-            step = off @ self._ease
+            step = np.einsum("ijk,...kj->...i", _PERMUTATION, seen) @ self._ease
             found = found @ _turn(step)
             if np.abs(step.real).max(initial=0.0) < 1e-14 and np.abs(step.imag).max(initial=0.0) < 1e-14 * _TINY:
                 break

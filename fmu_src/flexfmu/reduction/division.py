@@ -95,8 +95,7 @@ def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
         joined = coupled_nodes(mesh.equations).tocoo()
         gap = np.linalg.norm(mesh.points[joined.row] - mesh.points[joined.col], axis=1)
         gap = np.maximum(gap, _TOUCHING * np.ptp(mesh.points))
-        between = sp.coo_array((gap, (joined.row, joined.col)), graph.shape)
-        graph = graph.maximum(sp.csr_array(between))
+        graph = graph.maximum(sp.csr_array(sp.coo_array((gap, (joined.row, joined.col)), graph.shape)))
     return dijkstra(graph, directed=False, indices=sources, min_only=True)
 
 

@@ -168,7 +168,7 @@ class Stretching:
             if keep_shapes:
                 # w = −C(q, q).
                 against = unit.T @ forces
-                shapes = self._turning_shapes(energies, against, forces, first, second, least == _FINER)
+                shapes = self._turning_shapes(energies, against, forces, pairs, least == _FINER)
                 forms.append(shapes.T @ against / np.sqrt(2.0))
                 linear = [np.zeros((len(forms[0]), count)), shapes.T / np.sqrt(2.0)]
             signs = [np.ones(len(rows)) for rows in forms]
@@ -196,28 +196,20 @@ class Stretching:
             )
 
     def _turning_shapes(
-        self,
-        energies: FloatArray,
-        against: FloatArray,
-        forces: FloatArray,
-        first: IntArray,
-        second: IntArray,
-        finer: bool,
+        self, energies: FloatArray, against: FloatArray, forces: FloatArray, pairs: IntArray, finer: bool
     ) -> FloatArray:
         """Orthonormal shapes (e, k) of w that turn the material by more than the square of the motions' angle.
 
         The basis may know a mere shortening by shapes that bend as well: it misses a part of the turn at most.
         """
-        both = list(combinations_with_replacement(self.motions @ self._directions, 2))
-        pairs = [a[first] * b[second] + np.where(first == second, 0.0, a[second] * b[first]) for a, b in both]
-        amplitudes = np.array(pairs).T.reshape(len(first), -1)
+        (first, second), both = pairs.T, list(combinations_with_replacement(self.motions @ self._directions, 2))
+        found = [a[first] * b[second] + np.where(first == second, 0.0, a[second] * b[first]) for a, b in both]
+        amplitudes = np.array(found).T.reshape(len(pairs), -1)
         linear = [0.5 * np.linalg.norm(a) * np.linalg.norm(b) for a, b in both]
         tense = _TURN**2 * (amplitudes * (energies @ amplitudes)).sum(axis=0) > TENSE * np.array(linear)
         found = against @ amplitudes
         turned = (found * (self._spin @ found)).sum(axis=0)
         large = turned > np.where(tense & finer, TURNING, _LARGE) ** 2
-        if not large.any():
-            return np.zeros((self._omega.size, 0))
         found, unit = found[:, large], self.modes.shapes[:, self._elastic] / self._omega
         turned, missed = self._fourth.turns(forces @ amplitudes[:, large], unit @ found)
         found = found[:, missed < _MISSED * turned]
@@ -249,8 +241,7 @@ def membrane_energy(
     if wanted == "finer":
         least = _FINER
     if wanted == "auto":
-        forces = stretching.loads[:, : stretching.loads.shape[1] // 2]
-        held, freed = energy_shares(matrices, forces).tolist()
+        held, freed = energy_shares(matrices, stretching.loads[:, : stretching.loads.shape[1] // 2]).tolist()
         stretched, flattened = held > _NOTHING, freed > _FLAT and held < _SHELL
         report.detail(
             "membrane energy over that of bending at a turn of 1 rad (rms): "

@@ -144,8 +144,7 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
     if config.frames is not None:
         lines.append(f"frames = {config.frames}")
     data = config.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
-    mesh = Path(os.path.relpath(config.mesh.file, folder)).as_posix()
-    data["mesh"] = {**data["mesh"], "file": mesh}
+    data["mesh"] = {**data["mesh"], "file": Path(os.path.relpath(config.mesh.file, folder)).as_posix()}
     plain = {key: value for key, value in data.items() if key not in _CHOSEN}
     lines += [f"{key} = {toml_value(value)}" for key, value in plain.items() if not _is_table(value)]
     for key, value in plain.items():

@@ -198,8 +198,7 @@ def static_case(body: FlexibleBody, loads: Loads, name: str, report: Reporter) -
     shares = np.linspace(0.0, 1.0, _SHARES)
     with report.stage(f"Equilibrium under {name}"):
         states = [body.static(loads.scaled(share)).q for share in shares]
-    packed = loads.packed(body.model.masses is not None)
-    missed = body.stiffness_missed(packed)
+    missed = body.stiffness_missed(loads.packed(body.model.masses is not None))
     case = motion_case(body, name, states, [*(100.0 * shares)], "load", "%")
     if missed > 0.1:
         report.warning(f"{name}: the method misses stiffness worth up to {100.0 * missed:.0f} % of the displacement")
@@ -257,8 +256,7 @@ def shapes_of_least_energy(
     with report.counted("Find shapes from the motion of interfaces", len(wanted), "rows") as tell:
         for k, motion in enumerate(wanted):
             for _ in range(_ROUNDS):
-                here = body.core.motion(q)[rows]
-                step = _newton(body, q, rows, motion - here, stiffness, scale)
+                step = _newton(body, q, rows, motion - body.core.motion(q)[rows], stiffness, scale)
                 q = q + step
                 if np.linalg.norm(step / scale) <= _SETTLED * np.linalg.norm(q / scale):
                     break

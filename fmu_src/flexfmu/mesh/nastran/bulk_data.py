@@ -180,8 +180,7 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
             flat = _is_face(element, model)
             count = len(element.nodes) if flat else _node_count(element, card, path)
             card = f"{card[:-1]}{count}" if card in SHELLS else card
-            shape = (_SOLIDS | _FACES)[card, count]
-            nodes = [element.nodes[k] for k in shape.layered]
+            nodes = [element.nodes[k] for k in (_SOLIDS | _FACES)[card, count].layered]
             kinds.setdefault((card, count), []).append(Member(element.eid, nodes, element.pid))
     named = {(_SOLIDS | _FACES)[key].name: members for key, members in kinds.items()}
     named |= {"line": [Member(one.number, one.nodes, one.property) for one in bars]} if bars else {}

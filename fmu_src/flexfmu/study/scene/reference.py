@@ -435,8 +435,7 @@ def _look_at_rest(
     where = [f"{case.name} × {factor:g}, {name}" for name in scene.read]
     for kind, part in _KINDS.items():
         error = np.linalg.norm(found[:, part] - expected[:, part], axis=1)
-        size = np.linalg.norm(expected[:, part], axis=1)
-        worst.look(kind, error, size, scene.file.tolerance.static, where)
+        worst.look(kind, error, np.linalg.norm(expected[:, part], axis=1), scene.file.tolerance.static, where)
 
 
 def _look_over_time(worst: _Worst, scene: Scene, case: TransientCase, found: FloatArray, expected: FloatArray) -> None:
