@@ -243,11 +243,11 @@ _KEPT = 2_000_000
 # Rotation of the material (rms, rad) at which shapes are compared: over all of it; of the second round, where it turns.
 _TURN, _OWN_TURN = 0.5, 0.6
 # Turn by displacements of second order over the square of the motions' (rms) from which they are coordinates of the
-# shadow: 1.2 in a thin strip that both ends hold, with a boss on one face; up to 0.5, what two turns one after the
-# other make, in bodies that one end holds. There the stretch holds at 0.5 rad (rms) 400 times the linear energy, in
-# lattices, bellows and blades, which do without such shapes, up to 0.5. How much less turn, in squares, is none, and
-# how many shapes there are at most.
-TURNING, TENSE, _NO_TURN, _TURNED = 0.8, 10.0, 1e-3, 8
+# shadow: 1.2 in a thin strip that both ends hold, with a boss on one face, 0.5 to 0.7 in a sheet on four corners with
+# a rib. There the stretch holds 400 and 60 to 130 times the linear energy at 0.5 rad (rms), in lattices, bellows and
+# blades, which do without such shapes, up to 0.5. How much less turn, in squares, is none, and how many shapes there
+# are at most.
+TURNING, TENSE, _NO_TURN, _TURNED = 0.4, 10.0, 1e-4, 21
 
 
 def with_third_order(matrices: Matrices, modes: Modes, key: str, loads: FloatArray, far: bool) -> tuple[Modes, str]:
