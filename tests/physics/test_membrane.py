@@ -15,6 +15,7 @@ from flexfmu.build.tables import OutputTable
 from flexfmu.calls.describing import describe
 from flexfmu.files.basics import EquilibriumError, ModelError
 from flexfmu.files.outputs import Reporter
+from flexfmu.files.store import Store
 from flexfmu.model.inertia import Membrane
 from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction import membrane
@@ -162,7 +163,7 @@ def test_what_is_taken_along_and_why_is_said_in_a_line(bodies):
         config = bodies.config(folder)
         table = config.reduction.model_copy(update={"second_order": True})
         listener = Listener()
-        reduce_body(config.model_copy(update={"reduction": table}), listener)
+        reduce_body(config.model_copy(update={"reduction": table}), listener, Store(None))
         found[folder] = [note for note in listener.notes if "membrane energy" in note or "stretches" in note]
     assert found[BEAM][0].count("left out") == 2
     assert len(found[BEAM]) == 1
@@ -292,7 +293,7 @@ def test_what_does_not_fit_into_memory_is_refused_before_it_is_begun(bodies, mon
     config = bodies.config(CLAMPED)
     table = config.reduction.model_copy(update=LEAN)
     with pytest.raises(ModelError, match=r"136 pairs of modes takes 0.0 GB .* membrane = false"):
-        reduce_body(config.model_copy(update={"reduction": table}), Reporter())
+        reduce_body(config.model_copy(update={"reduction": table}), Reporter(), Store(None))
 
 
 @pytest.mark.slow
