@@ -131,7 +131,7 @@ def answers(image, rng):
         yield "forces", (None, core.force(inputs, at), core.tangent(inputs, at), core.mass(at))
         yield "rotations", (None, core.rotations(at), np.array(core.largest_rotation(at)))
         yield "stability", (None, np.array(core.stability(inputs, at)[0]), np.array(core.is_stable(inputs, at, 0.1)))
-        yield "missed", (None, np.array(core.missed(inputs)), np.array(core.may_miss(inputs, 0.1)))
+        yield "missed", (None, np.array(core.missed(inputs)), np.array(core._ask("may_miss", inputs, 0.1)))
         yield "compliance", (None, core.compliance(inputs, 1e-3, at, range(core.interfaces)))
         yield "stress", (None, core.stress(at, read_image(image).sizes["stress_sets"]))
 

@@ -26,10 +26,15 @@ finite_elements = false
 
 
 class Listening(Reporter):
-    """Remembers what was said; of counted stages title, total, unit, and all that was told of them."""
+    """Remembers stages and what was said; of counted ones title, total, unit, and all that was told of them."""
 
     def __init__(self):
-        self.notes, self.warnings, self.counts = [], [], []
+        self.stages, self.notes, self.warnings, self.counts = [], [], [], []
+
+    @contextmanager
+    def stage(self, title):
+        self.stages.append(title)
+        yield
 
     @contextmanager
     def counted(self, title, total, unit=""):

@@ -25,6 +25,8 @@ from benchmarks.records import read_records, write_records
 from flexfmu.fe.assembly import area_matrix, select
 from flexfmu.files.basics import UnitSystem
 from flexfmu.mesh.formats import read_mesh
+from flexfmu.reduction.bodies import fit_interface
+from flexfmu.reduction.options import InterfaceNodes
 
 RESULTS = Path(__file__).with_name("calculix.csv")
 MOTION = ("ux", "uy", "uz", "rx", "ry", "rz")
@@ -34,16 +36,16 @@ ORDINARY, EASED = (0.5, 0.5, FORCE_TOLERANCE), {"slit_annulus": (0.025, 0.1, 1e-
 
 
 def weights(body: Body, deck: Path) -> dict[str, FloatArray]:
-    """∫ N_a N_b dA of each interface's nodes: what spreads a force, and fits the motion."""
+    """What spreads a force over an interface, and fits its motion, as flexfmu does: ∫ N_a N_b dA, or 1 for a node."""
     mesh = read_mesh(deck, UnitSystem.SI)
     found = {}
     for name in body.interfaces:
         nodes = body.sets[name.upper()]
+        fit = fit_interface(InterfaceNodes(name, name.upper()), mesh, ())
+        if fit.added.size:
+            raise ValueError(f"{body.name}: the nodes of {name} lie on a line or in a point")
         tried = (area_matrix(mesh.points, select(mesh.faces, nodes, outer=outer), nodes) for outer in (True, False))
-        matrix = next((one for one in tried if one is not None), None)
-        if matrix is None:
-            raise ValueError(f"{body.name}: the nodes of {name} are no whole faces")
-        found[name] = matrix.toarray()
+        found[name] = next(one.toarray() for one in tried if one is not None) if fit.by_area else np.eye(nodes.size)
     return found
 
 

@@ -101,7 +101,11 @@ REFUSED = {
     "axes alone": ({"stiffness": STIFFNESS, "axes": np.eye(3)[:2]}, BodyFileError, "take rotational_stiffness"),
     "parallel": ({"rotational_stiffness": TURNING, "axes": np.ones((2, 3))}, BodyFileError, "not parallel"),
     "negative": ({"rotational_stiffness": -TURNING}, BodyFileError, "three numbers"),
-    "free": ({"stiffness": STIFFNESS, "rotational_stiffness": (0.0, 1.0, 1.0)}, ModelError, "free to move in 1 rigid"),
+    "free": (
+        {"stiffness": STIFFNESS, "rotational_stiffness": (0.0, 1.0, 1.0)},
+        ModelError,
+        "motion .turn about x t",
+    ),
 }
 
 

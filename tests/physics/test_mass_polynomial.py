@@ -180,8 +180,14 @@ def test_it_is_the_default_of_bodies_in_one_piece_that_are_held_or_turn_freely(b
         of(rail, Mass.POLYNOMIAL)
 
 
+CERTIFIED = "Reduce the body once more, finer, to know its error"
+
+
 def heavy_end(folder, **tables):
-    """A bar of 0.5 m whose last tenth has five times the mass of the rest, built quickly; and what is said."""
+    """A bar of 0.5 m whose last tenth has five times the mass of the rest, built quickly; and how often it says so.
+
+    Whatever its mass, what is said of its interface is said once, and its error is found once where it is asked for.
+    """
     light, heavy = (Material(name, 7e10, 0.3, density) for name, density in (("ARM", 540.0), ("END", 24300.0)))
 
     def material(centre):
@@ -190,6 +196,8 @@ def heavy_end(folder, **tables):
     mesh = box(ElementType.C3D8I, (40, 2, 2), (0.5, 0.02, 0.01), materials=(light, heavy), material=material)
     said = Listening()
     body = reduce_body(body_file(mesh, folder, interface=["TIP"], damping={"ratio": 0.0}, **tables), said)
+    assert len([text for text in said.notes if "interface 'tip'" in text]) == 1
+    assert said.stages.count(CERTIFIED) == bool(tables.get("output"))
     return body, [text for text in said.notes if "range of its mass polynomial" in text]
 
 
@@ -214,6 +222,14 @@ def test_a_body_that_sudden_loads_bend_beyond_it_takes_the_mass_of_its_lumps(tmp
 
 
 @pytest.mark.slow
+def test_of_the_body_that_is_given_up_no_error_is_found(tmp_path):
+    body, notes = heavy_end(tmp_path, output={"error": True}, frames=6)
+    assert len(notes) == 1
+    assert body.mass is Mass.CONFIGURATION
+    assert body.shadow is not None
+
+
+@pytest.mark.slow
 def test_lumps_that_lack_what_the_polynomial_has_near_rest_do_not_take_its_place(tmp_path):
     """Of a folded flexure under half of a load aside: 1.8 % off by lumps on six frames, 0.9 by the polynomial."""
     said = Listening()
@@ -222,6 +238,8 @@ def test_lumps_that_lack_what_the_polynomial_has_near_rest_do_not_take_its_place
     assert body.inertia is None
     (note,) = (text for text in said.notes if "lumps on its frames are too coarse" in text)
     assert "more frames" in note
+    assert said.stages.count(CERTIFIED) == 1
+    assert len({*said.warnings}) == len(said.warnings) == 2
 
 
 @pytest.mark.parametrize("tables", [{"formulation": {"mass": "polynomial"}}, {"reduction": {"inertia": False}}])

@@ -124,17 +124,49 @@ def test_a_mesh_of_linear_solids_tells_how_much_of_the_deflection_it_lacks(tmp_p
         assert reached == pytest.approx(1.0, abs=0.05)
 
 
+def skew(kind, slope, thickness):
+    """A strip of elements whose nodes lie aside of a grid's, up to so much of their distances."""
+    mesh = box(ElementType[kind], (20, 2, 1), (1.0, 0.1, thickness))
+    x, y, _ = mesh.points.T
+    inside = np.sin(np.pi * x) * np.sin(10.0 * np.pi * y)
+    aside = slope * inside * np.array([np.sin(40.0 * y + 9.0 * x) / 20.0, 0.05 * np.cos(33.0 * x + y)])
+    return replace(mesh, points=mesh.points + np.vstack([aside, 0.0 * x]).T)
+
+
+MIDDLES = "mid-side nodes off the middle of an edge stiffen it, too"
+
+
+def gutter():
+    """A thin piece of a tube, one element across it, with its mid-side nodes in the middle of the arc."""
+    mesh = box(ElementType.C3D20R, (4, 1, 1), (1.0, 0.1, 0.002))
+    x, y, z = mesh.points.T
+    turn, radius = y / 0.1 - 0.5, 0.1 + z
+    return replace(mesh, points=np.stack([x, radius * np.sin(turn), radius * np.cos(turn)], axis=1))
+
+
+@pytest.mark.parametrize(
+    ("kind", "advice"),
+    [
+        ("C3D8", "take quadratic elements or a finer mesh, or shells instead of thin solids"),
+        ("C3D8I", "take a finer mesh, or shells instead of thin solids"),
+        ("C3D20R", f"take a finer mesh, or shells instead of thin solids; {MIDDLES}"),
+        ("gutter", f"take a finer mesh, or shells instead of thin solids; {MIDDLES}"),
+    ],
+)
+def test_what_is_advised_for_a_mesh_that_is_too_stiff_is_not_so_already(tmp_path, kind, advice):
+    mesh, said = gutter() if kind == "gutter" else skew(kind, 0.25, 0.0005), Heard()
+    reduce_body(body_file(mesh, tmp_path, interface=["TIP"], frames=1, reduction={"modes": 2}), said)
+    (text,) = (text for text in said.warnings if "too stiff" in text)
+    assert text.split("% too small; ")[1] == advice
+
+
 @pytest.mark.parametrize("kind", ["C3D8I", "C3D10", "C3D15", "C3D20", "C3D20R"])
 @pytest.mark.parametrize(("slope", "thickness"), [(0.0, 0.002), (0.25, 0.05), (0.25, 0.0005)])
 def test_quadratic_solids_that_are_too_thin_for_their_shape_tell_how_much_of_the_deflection_they_lack(
     kind, slope, thickness
 ):
     """Skew ones, a hundred times as long as thick, lock; straight or thick ones do not, and say nothing."""
-    mesh = box(ElementType[kind], (20, 2, 1), (1.0, 0.1, thickness))
-    x, y, _ = mesh.points.T
-    inside = np.sin(np.pi * x) * np.sin(10.0 * np.pi * y)
-    aside = slope * inside * np.array([np.sin(40.0 * y + 9.0 * x) / 20.0, 0.05 * np.cos(33.0 * x + y)])
-    mesh = held(replace(mesh, points=mesh.points + np.vstack([aside, 0.0 * x]).T), "ROOT")
+    mesh = held(skew(kind, slope, thickness), "ROOT")
     free = np.flatnonzero(~mesh.fixed.ravel())
     force = np.zeros_like(mesh.points)
     force[mesh.node_sets["TIP"], 2] = 1.0 / mesh.node_sets["TIP"].size

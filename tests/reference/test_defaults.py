@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 from benchmarks.defaults.measure import measure
 from benchmarks.defaults.published import EVERY
-from benchmarks.defaults.run_calculix import RESULTS, motion
+from benchmarks.defaults.run_calculix import RESULTS, motion, weights
 from benchmarks.defaults.table import RECORDS, RIGHT, answered, error, summary, told
 from benchmarks.defaults.third import THIRD
 from benchmarks.defaults.transients import FORCES, spun_up, sudden
 from benchmarks.records import read_records
 from scipy.spatial.transform import Rotation
+
+from flexfmu.files.basics import UnitSystem
+from flexfmu.mesh.formats import read_mesh
+from flexfmu.reduction.bodies import fit_interface
+from flexfmu.reduction.options import InterfaceNodes
 
 BODIES = {make.__name__: make for make in EVERY}
 SIMPLE, QUICK = ("fork", "stocky_rod"), ("stocky_rod",)
@@ -34,6 +39,20 @@ def names(bodies=BODIES):
     slow = (*SAMPLE, TENSE)
     kinds = [() if name in QUICK else pytest.mark.slow if name in slow else pytest.mark.long for name in bodies]
     return [pytest.param(name, marks=marks) for name, marks in zip(bodies, kinds, strict=True)]
+
+
+@pytest.mark.parametrize("name", ["perforated_plate", "stocky_rod"])
+def test_the_reference_spreads_loads_as_flexfmu_does(name, tmp_path):
+    """By node over corners that hold whole elements, by area over a face."""
+    body, deck = BODIES[name](), tmp_path / "body.inp"
+    deck.write_text(body.deck(), encoding="ascii")
+    mesh, found = read_mesh(deck, UnitSystem.SI), weights(body, deck)
+    for interface in body.interfaces:
+        fit = fit_interface(InterfaceNodes(interface, interface.upper()), mesh, ())
+        assert fit.by_area == (name == "stocky_rod")
+        share = found[interface].sum(axis=1) / found[interface].sum()
+        expected = fit.nodal_loads(len(mesh.points)).reshape(-1, 3, 6)[body.sets[interface.upper()], 0, 0]
+        np.testing.assert_allclose(share, expected, atol=1e-9)
 
 
 def place(row):

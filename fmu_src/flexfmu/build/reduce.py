@@ -2,7 +2,7 @@
 
 import hashlib
 import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +12,7 @@ import numpy as np
 
 from ..body.reference_loads import differs_more, keeps_its_mass, lumps_are_fine
 from ..files.basics import FloatArray, UnitSystem, own_version, plural
-from ..files.outputs import Reporter, check_target, whole_file
+from ..files.outputs import Reporter, Tentative, check_target, whole_file
 from ..files.store import Store
 from ..files.threads import in_one_thread
 from ..fmu.package import cores_for, package_fmu
@@ -177,60 +177,82 @@ def reduce_mesh(
     _tell_doubts(mesh, options, prepared.unused_material, report)
     options, model = chosen_cuts(options, model, report, store)
     use = replace(config.use, provenance=_provenance(config, mesh, origin), properties=properties)
-    body = _reduced(use, options, model, report, store)
-    if use.variant.mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
-        use = replace(use, variant=Variant(use.variant.method))
-    body = used_body(body, use)
     # Who asks for a mass has it.
-    if config.formulation.mass is None and config.reduction.inertia is not False and not keeps_its_mass(body):
-        body = _lumped(body, use, options, model, report, store)
+    asked = config.formulation.mass is not None or config.reduction.inertia is False
+    body = _with_mass(use, options, model, report, store, asked)()
     _tell(config, body, report)
     return body
 
 
-def _reduced(use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store) -> ReducedBody:
-    """The body, with the polynomial of its mass where it has any, and the shadow that tells more of it."""
-    opened = None
+def _with_mass(
+    use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store, asked: bool
+) -> Callable[[], ReducedBody]:
+    """What makes the body, with the mass of its lumps (13) where it may bend far and they are fine, with its shadow.
+
+    Default frames are doubled then, since what bends within a frame carries its lumps astray. Nothing is said of, and
+    no shadow made for, what is given up.
+    """
+    draft = Tentative(report)
+    try:
+        body, certified = _reduced(use, options, model, draft, store)
+        if asked or keeps_its_mass(body):
+            return certified
+        report.note(_FAR_BENT)
+        plain = options.levels == DEFAULT_FRAMES and not (options.levels_asked or options.frames or options.branches)
+        finer = replace(options, far=True, levels=(1 + plain) * options.levels, stored=options.stored | {Data.INERTIA})
+        heavy, other = replace(use, variant=Variant(use.variant.method, Mass.CONFIGURATION)), Tentative(draft)
+        found, finer_certified = _reduced(heavy, finer, model, other, store)
+        if not lumps_are_fine(found):
+            report.note(_COARSE)
+            return certified
+        draft.forget()
+        other.release()
+        return finer_certified
+    finally:
+        draft.release()
+
+
+def _reduced(
+    use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store
+) -> tuple[ReducedBody, Callable[[], ReducedBody]]:
+    """The body, with the polynomial of its mass where it has any; what makes it with the shadow that tells most."""
+    piece = None
     if options.cuts:
         body, _, fine = reduced_parts(options, model, report, store)
     else:
         piece = reduced_whole(options, model, report, store)
-        body, opened = piece.body, piece.opened
+        body = piece.body
         fine = [] if piece.fine is None else [(piece.fine, np.eye(piece.body.mode_count))]
     if fine:
         with report.stage("Find how mass changes as the body bends"):
             kept, key = model.mesh.kept, ("polynomial", *(id(part) for part, _ in fine))
             kept[key] = kept.get(key) or (fine, mass_polynomial(fine))
             body = replace(body, polynomial=kept[key][1])
+    if use.variant.mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
+        use = replace(use, variant=Variant(use.variant.method))
     body = used_body(body, use)
-    if opened is not None and differs_more(body, opened):
+
+    def certified() -> ReducedBody:
+        if piece is None or not options.certificate:
+            return body
+        found = piece.certified()
+        own = replace(body, shadow=found.body.shadow)
+        if found.opened is None or not differs_more(own, found.opened):
+            return own
         report.note(f"its frames turn apart where a loop through supports closes: {AGAINST_OPENED}")
-        body = replace(body, shadow=opened)
-    return body
+        return replace(own, shadow=found.opened)
 
-
-def _lumped(
-    body: ReducedBody, use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store
-) -> ReducedBody:
-    """The body with the mass of its lumps (13) in place of the polynomial, where they are fine enough.
-
-    It bends far: default frames are doubled, since what bends within a frame carries its lumps astray.
-    """
-    report.note(_FAR_BENT)
-    plain = options.levels == DEFAULT_FRAMES and not (options.levels_asked or options.frames or options.branches)
-    finer = replace(options, far=True, levels=(1 + plain) * options.levels, stored=options.stored | {Data.INERTIA})
-    found = replace(_reduced(use, finer, model, report, store), mass=Mass.CONFIGURATION)
-    if lumps_are_fine(found):
-        return found
-    report.note(_COARSE)
-    return body
+    return body, certified
 
 
 def _properties(options: BodyOptions, model: Model) -> Properties:
     names, points, springs = support_places(model.mesh, options.supports)
+    # A translation of the body along each axis.
+    together = np.tile(np.eye(3), (len(model.fixed), 1))
+    along = np.einsum("ij,ij->j", together, model.springs @ together) if model.sprung.any() else None
     return replace(
         body_properties(model.mesh),
-        spring=model.springs_along_axes if model.sprung.any() else None,
+        spring=along,
         support_names=names,
         support_point=points,
         support_spring=springs,

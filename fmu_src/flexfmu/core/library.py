@@ -366,14 +366,6 @@ class Core:
         """Error of deflections from stiffness that the method misses."""
         return float(self._ask("missed", inputs, None))
 
-    def may_miss(self, inputs: FloatArray, limit: float) -> bool:
-        """Whether that error may exceed a limit; faster than finding it."""
-        return bool(self._ask("may_miss", inputs, limit))
-
-    def judged_margin(self, inputs: FloatArray) -> float:
-        """Smallest eigenvalue of the undeformed body's tangent by the second opinion, over the unloaded one."""
-        return float(self._filled(1, "missed", inputs)[0])
-
     def compliance(self, inputs: FloatArray, step: float, q: FloatArray, interfaces: Sequence[int]) -> FloatArray:
         """Derivative (6n, 6n) of interfaces' motion at a step's end by loads on them held over the step."""
         count = len(interfaces)

@@ -207,12 +207,6 @@ def _check_fill(matrix: sp.csr_array, node: IntArray, order: IntArray, tell: Cal
         tell(f"{matrix.shape[0]} unknowns take SuperLU {needed / GIGA:.1f} GB and minutes; {faster.rstrip('; ')}")
 
 
-def _by_superlu(matrix: sp.csc_matrix) -> tuple[Solve, bool]:
-    """Solve, and whether the matrix is positive definite: the elimination along the diagonal has no negative pivot."""
-    factor = spla.splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    return factor.solve, bool(np.all(factor.U.diagonal() > 0.0))
-
-
 class Factorisation:
     """A factorised symmetric positive definite matrix.
 
@@ -254,7 +248,10 @@ class Factorisation:
             permuted = sp.csc_matrix(matrix[self._order][:, self._order])
             if order is None:
                 _check_fill(matrix, node, self._order, tell)
-            self._solve, self.positive_definite = _by_superlu(permuted)
+            options = {"SymmetricMode": True}
+            factor = spla.splu(permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
+            # The elimination along the diagonal has no negative pivot then.
+            self._solve, self.positive_definite = factor.solve, bool(np.all(factor.U.diagonal() > 0.0))
         except RuntimeError as error:
             found = f"the stiffness matrix is singular ({error}): a part of the body is free to move"
             raise ModelError(f"{found}; check supports and that all parts share nodes") from error

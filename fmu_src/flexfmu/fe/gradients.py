@@ -96,14 +96,11 @@ def quadratic_strain(mesh: Mesh, shapes: FloatArray, pairs: IntArray, tell: Tell
         nodal, relaxed = some.relaxed(some.nodal(work))
         np.add.at(forces, some.nodes, nodal)
         energies -= relaxed
-        _add_products(strain.reshape(-1, len(pairs)), work.reshape(-1, len(pairs)), energies)
+        left, right = strain.reshape(-1, len(pairs)), work.reshape(-1, len(pairs))
+        # The upper triangle, by strips.
+        for first in range(0, len(pairs), _STRIP):
+            energies[first : first + _STRIP, first:] += left[:, first : first + _STRIP].T @ right[:, first:]
     return forces.reshape(-1, len(pairs)), np.triu(energies) + np.triu(energies, 1).T
-
-
-def _add_products(strain: FloatArray, work: FloatArray, energies: FloatArray) -> None:
-    """Add their products to the upper triangle of a symmetric matrix, by strips."""
-    for first in range(0, len(energies), _STRIP):
-        energies[first : first + _STRIP, first:] += strain[:, first : first + _STRIP].T @ work[:, first:]
 
 
 def mean_spin(mesh: Mesh, shapes: FloatArray) -> FloatArray:

@@ -98,6 +98,46 @@ class Stages(Reporter):
         self.stage, self.counted = report.stage, report.counted  # type: ignore[method-assign]
 
 
+class Tentative(Stages):
+    """Shows stages, details and doubts, each doubt once; keeps notes and warnings until they are sure to hold.
+
+    Parameters
+    ----------
+    report : Reporter
+        Who says them.
+    """
+
+    def __init__(self, report: Reporter):
+        super().__init__(report)
+        self.detail = report.detail  # type: ignore[method-assign]
+        self._report, self._doubts = report, set[str]()
+        self._kept: list[tuple[Callable[[str], None], str]] = []
+
+    def note(self, text: str) -> None:
+        """Keep what was found or chosen."""
+        self._kept.append((self._report.note, text))
+
+    def warning(self, text: str) -> None:
+        """Keep what the user should look at."""
+        self._kept.append((self._report.warning, text))
+
+    def doubt(self, text: str) -> None:
+        """Say what is hardly meant, unless it was said before."""
+        if text not in self._doubts:
+            self._doubts.add(text)
+            self._report.doubt(text)
+
+    def forget(self) -> None:
+        """Forget what is kept: it does not hold."""
+        self._kept.clear()
+
+    def release(self) -> None:
+        """Say what is kept."""
+        for say, text in self._kept:
+            say(text)
+        self.forget()
+
+
 class ScriptReporter(Reporter):
     """Warnings as Python's, notes to the log "flexfmu"."""
 

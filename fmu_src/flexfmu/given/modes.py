@@ -192,13 +192,6 @@ class GivenModes:
         return target
 
     @property
-    def in_si(self) -> "GivenModes":
-        """The same in SI units."""
-        units = self.units
-        kilograms = units.density * units.length**3
-        return replace(self, nodes=self.nodes * units.length, mass=self.mass * kilograms, units=UnitSystem.SI)
-
-    @property
     def shapes(self) -> FloatArray:
         """Modes (3n, m) as columns."""
         return self.modes.reshape(len(self.modes), -1).T
@@ -352,7 +345,9 @@ def checked_modes(given: GivenModes) -> tuple[GivenModes, tuple[str, ...], tuple
     GivenModesError
         The mass does not belong to the modes, or what should be rigid is not.
     """
-    units, given = given.units, given.in_si
+    units = given.units
+    kilograms = units.density * units.length**3
+    given = replace(given, nodes=given.nodes * units.length, mass=given.mass * kilograms, units=UnitSystem.SI)
     notes, warnings = [], list(_implausible(given, units))
     shapes = given.shapes
     gram = shapes.T @ given.momentum(shapes)

@@ -246,7 +246,9 @@ def wire(coupling: CouplingFile) -> layout.Wiring:
         factor = 1.0 if link.factor is None else link.factor
         matrix[input_place[target.name, name], signal_place[source.name, output]] += factor
     laid_ends = lay_ends(ends, descriptions, input_place, signal_place)
-    base = np.array([_base(descriptions[fmu], name, starts[fmu]) for fmu, name in input_place])
+    # What an input has on its own: the start value given, or the FMU's.
+    alone = [starts[fmu].get(name, descriptions[fmu].variables[name].start) for fmu, name in input_place]
+    base = np.array([float(value or 0.0) for value in alone])
     base[[input_place[pair] for pair in (*linked, *tabled)]] = 0.0
     coupled = np.any(matrix != 0.0, axis=1)
     coupled[laid_ends.loads[laid_ends.loads >= 0]] = True
@@ -350,12 +352,6 @@ def _check_states(descriptions: Described, coupled: set[str]) -> None:
                 f'experiment.scheme is "iterated", but fmu {name!r} ({description.file.name}) cannot save '
                 'its state (canGetAndSetFMUstate is false): take "jacobi" or "gauss_seidel", or export it anew'
             )
-
-
-def _base(description: Description, name: str, start: Mapping[str, StartValue]) -> float:
-    """What an input has on its own: the start value given, or the FMU's."""
-    value = start.get(name, description.variables[name].start)
-    return 0.0 if value is None else float(value)
 
 
 def _kinds(descriptions: Described, input_place: Places, ends: layout.Ends) -> IntArray:

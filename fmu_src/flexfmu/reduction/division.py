@@ -19,6 +19,7 @@ from ..mesh.elements import FaceBlock
 from ..mesh.equations import coupled_nodes
 from ..mesh.model import Mesh, once
 from ..model.reduced_body import GROUND
+from ..model.summary import point
 from .subdomains import Subdomain, mean_rotation, section, volume_weighted
 
 # A piece that reaches along the body for less than this share of a level is a sliver: it would bend too little to
@@ -364,7 +365,6 @@ def _open_loops(mesh: Mesh, subdomains: Sequence[Subdomain], shared: FloatArray)
         common = np.intersect1d(first.body.nodes, second.body.nodes)
         where = "where equations or rigid links join them"
         if common.size:
-            x, y, z = mesh.points[common].mean(axis=0)
-            where = f"at ({x:.4g}, {y:.4g}, {z:.4g}) m"
+            where = f"at {point(mesh.points[common].mean(axis=0))} m"
         found.append(f"closed loop cut between frames {first.name} and {second.name} {where}")
     return tuple(found)

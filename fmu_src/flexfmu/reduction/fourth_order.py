@@ -5,7 +5,6 @@ moments, bends the body as loads do, which act on the deformed body already. Wha
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -119,10 +118,6 @@ class FourthOrder:
     def _mesh(self) -> Mesh:
         return self.matrices.model.mesh
 
-    @cached_property
-    def _slices(self) -> list[IntArray]:
-        return slices(self._mesh, self.matrices.model.anchored)
-
     def stretching(self, fields: FloatArray, pairs: IntArray) -> tuple[FloatArray, FloatArray]:
         """Energy of the strain of second order that no displacement takes away.
 
@@ -167,7 +162,7 @@ class FourthOrder:
         title = f"Flattening of {len(pairs)} pairs of motions"
         with self.matrices.report.counted(title, mesh.element_count, "elements") as tell:
             forces = turned_stress(mesh, fields, applied, pairs, tell)
-        return model.forces(without_resultants(mesh.points, forces, self._slices))
+        return model.forces(without_resultants(mesh.points, forces, slices(mesh, self.matrices.model.anchored)))
 
     def released(self, forces: FloatArray, title: str) -> FloatArray:
         """Work (p, p) of nodal forces on free degrees of freedom (k, p) over the displacements that they make."""

@@ -7,14 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 
 from ..fe.assembly import Unknowns, unknowns
-from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray, ModelError, UnitSystem, listed
+from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray, ModelError, UnitSystem, listed, plural
 from ..files.toml_files import orthonormal
 from ..mesh.checks import connected_parts, linked_pieces, without_mechanisms
 from ..mesh.equations import simplex
 from ..mesh.model import NO_MATERIAL, Material, Mesh, SpringDamper
+from ..model.summary import point
 from .bushings import Bushings, End
 from .options import BodyOptions, MaterialConstants, SupportNodes, node_set
 from .rigid_fit import rigid_motions
@@ -135,6 +137,8 @@ def _units(units: UnitSystem) -> str:
 _AXES = {"x": 0, "y": 1, "z": 2}
 # Relative size of a singular value below which a rigid motion is not held.
 _FREE = 1e-9
+# Relative size of parts of a motion that words leave out.
+_PLAIN = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,12 +207,6 @@ class Model:
         return found if found.size else None
 
     @property
-    def springs_along_axes(self) -> FloatArray:
-        """Stiffness (3,) of all springs to the ground against a translation of the body, N/m."""
-        together = np.tile(np.eye(3), (len(self.fixed), 1))
-        return np.einsum("ij,ij->j", together, self.springs @ together)
-
-    @property
     def anchored(self) -> IntArray:
         """Nodes from which distances along the body count: those held best, in all directions and without springs."""
         held = self.fixed | self.sprung
@@ -274,7 +272,7 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
     if idle := Bushings(mesh.points, mesh.springs).idle:
         text = f"stiffness and damping about axes of {listed(idle)} do nothing: a single node of a solid does not turn"
         mesh = replace(mesh, notes=(*mesh.notes, text))
-    rigid = _free_motions(mesh, fixed | (spring > 0.0), config.free)
+    rigid = _free_motions(mesh, fixed | (spring > 0.0), config)
     model = Model(mesh, fixed, spring, rigid, damper)
     if rigid.shape[1] and (damper.any() or model.bushings.dampers.nnz):
         found = "dampers act on a body that is held, and this one is free to move"
@@ -368,7 +366,31 @@ def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, hel
     return inside
 
 
-def _free_motions(mesh: Mesh, held: BoolArray, may_float: bool) -> FloatArray:
+def _motion_words(points: FloatArray, motions: FloatArray) -> str:
+    """Which slides and turns rigid motions (3n, r) of points (n, 3) are."""
+    centre, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
+    own = np.linalg.lstsq(rigid_motions((points - centre) / size).reshape(-1, 6), motions)[0]
+    moved, turned = np.split(np.round(own / np.abs(own).max(), 9), 2)
+    _, values, mixed = np.linalg.svd(turned)
+    kinds = {"slide along": moved @ mixed[np.count_nonzero(values > _PLAIN) :].T, "turn about": turned}
+    words = ", ".join(f"{kind} {axis}" for kind, vectors in kinds.items() for axis in _axes(vectors))
+    # The point that stays where it is, if there is one: ω × (p − c) = −u.
+    rows = np.cross(turned.T[:, None], np.eye(3)).swapaxes(1, 2).reshape(-1, 3)
+    place = np.linalg.lstsq(rows, -moved.T.ravel())[0]
+    stays = np.abs(rows @ place + moved.T.ravel()).max() < _PLAIN
+    return f"{words} through {point(centre + size * place)} m" if stays else words
+
+
+def _axes(vectors: FloatArray) -> list[str]:
+    """Directions that span vectors (3, j), the global ones where it can be."""
+    found = scipy.linalg.qr(vectors @ np.linalg.pinv(vectors, rcond=_PLAIN), pivoting=True)[0]
+    found = np.round(found.T[: np.linalg.matrix_rank(vectors, tol=_PLAIN)], 4)
+    names = {point(axis): name for name, axis in zip("xyz", np.eye(3), strict=True)}
+    words = (point(axis * np.sign(axis.sum())) for axis in found)
+    return sorted(names.get(one, one) for one in words)
+
+
+def _free_motions(mesh: Mesh, held: BoolArray, config: BodyOptions) -> FloatArray:
     """Rigid motions (3n, r) that move no held translation (n, 3); refused where the body file does not expect them."""
     part = connected_parts(mesh)
     parts = int(part.max()) + 1
@@ -384,16 +406,18 @@ def _free_motions(mesh: Mesh, held: BoolArray, may_float: bool) -> FloatArray:
             motions = _motions_of_joined(mesh, sp.csr_array(sp.vstack([mesh.equations, soft])), nodes, held)
         if not motions.shape[1]:
             continue
-        if parts > 1 or not may_float:
+        if parts > 1 or not config.free:
             one = f"the part of the mesh with node {mesh.labels[nodes[0]]} ({len(nodes)} nodes of {len(part)})"
             which = "the body" if parts == 1 else one
             floating = ", or let it float with free = true" if parts == 1 else ", or join the parts to share nodes"
             if len(within) < len(mesh.springs):
                 floating += "; parts that springs alone join are bodies of their own: join them by flexfmu couple"
-            fault = f"{which} is free to move in {motions.shape[1]} rigid motions"
+            fault = f"{which} is free to move in {plural(motions.shape[1], 'rigid motion')}"
+            if motions.shape[1] < 6:
+                fault += f" ({_motion_words(mesh.points[nodes], motions)})"
             advice = f"the supports hold {held[nodes].sum()} of its translations; add a [[support]]{floating}"
             raise ModelError(f"{fault}: {advice}")
         found = motions
-    if may_float and not found.shape[1]:
+    if config.free and not found.shape[1]:
         raise ModelError("free = true, but the supports hold the body: take out the key, or the supports")
     return found

@@ -12,6 +12,7 @@ from ..fe.gradients import point_stress, stress_jumps
 from ..files.basics import FloatArray, plural
 from ..files.outputs import Reporter
 from ..files.store import Store, content_key
+from ..mesh.model import Mesh
 from ..model.inertia import LumpedMass, Membrane
 from ..model.methods import Data, Mass, has_frames
 from ..model.reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, StressSet, Surface, Ties
@@ -79,6 +80,8 @@ class Reduced:
         Its modes.
     span : (m, k) float
         Its coordinates in the motions of another basis.
+    certified : callable
+        Makes the same with its shadow.
     opened : Shadow, optional
         Another shadow, with loops through supports opened.
     """
@@ -89,6 +92,7 @@ class Reduced:
     fine: ReducedBody | None
     shapes: FloatArray
     span: FloatArray
+    certified: Callable[[], "Reduced"]
     opened: Shadow | None = None
 
 
@@ -157,16 +161,18 @@ def reduced_piece(
     basis = _with_modes(divided, matrices, every)
     body = _reduced(divided, basis)
     fine = _fine_tree(divided, basis, body.membrane) if config.certificate or not cut else None
-    work = finer_work = warping.T @ basis.modes.shapes
-    if config.certificate:
+    work, own = warping.T @ basis.modes.shapes, basis.modes.shapes
+    span = np.zeros((own.shape[1], 0)) if spanned is None else embedding(matrices.supported, own, spanned)
+
+    def certified() -> Reduced:
         with report.stage("Reduce the body once more, finer, to know its error"):
             finer, finer_basis = _shadow(divided, basis, every, body.membrane is not None)
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
-        span = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, basis.modes.shapes))
-        body, finer_work = replace(body, shadow=Shadow(finer, span)), warping.T @ finer_basis.modes.shapes
-    shapes = basis.modes.shapes
-    span = np.zeros((shapes.shape[1], 0)) if spanned is None else embedding(matrices.supported, shapes, spanned)
-    return Reduced(body, work, finer_work, fine, shapes, span)
+        found = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, own))
+        return replace(piece, body=replace(body, shadow=Shadow(finer, found)), shadow_work=warping.T @ shapes)
+
+    piece = Reduced(body, work, work, fine, own, span, certified)
+    return piece
 
 
 def _shadow(divided: _Divided, basis: _Basis, every: FloatArray, stretches: bool) -> tuple[ReducedBody, _Basis]:
@@ -356,9 +362,19 @@ def _tell_coarse(model: Model, modes: Modes, report: Reporter) -> None:
     if share > _JUMPS:
         report.warning(
             f"the mesh is too stiff: stress jumps from element to element, by which deflections of the first mode are "
-            f"{'at least' if share > 0.5 else 'some'} {100.0 * share:.0f} % too small; take quadratic elements or a "
-            "finer mesh, shells instead of thin solids, and put mid-side nodes into the middle"
+            f"{'at least' if share > 0.5 else 'some'} {100.0 * share:.0f} % too small; {_softer(model.mesh)}"
         )
+
+
+def _softer(mesh: Mesh) -> str:
+    """What makes a mesh that is too stiff softer, and is not so already."""
+    blocks = [block for block in mesh.blocks if not block.type.beam]
+    locks = any(not block.type.shape.quadratic and not block.type.incompatible for block in blocks)
+    found = f"take {'quadratic elements or ' if locks else ''}a finer mesh"
+    if not all(block.type.shell for block in blocks):
+        found += ", or shells instead of thin solids"
+    middles = any(block.type.shape.quadratic for block in blocks)
+    return f"{found}; mid-side nodes off the middle of an edge stiffen it, too" if middles else found
 
 
 def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) -> tuple[SecondOrder, FloatArray]:

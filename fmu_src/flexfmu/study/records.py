@@ -305,15 +305,10 @@ transient_rotation_rad, transient_at, share, limited_by
         """Method and frames, for a point of a chart."""
         if self.solver != REDUCED:
             return self.label
-        if not self.on_frames:
+        if not has_frames(Method(self.method)):
             return Method(self.method).label
         count = f"its own {plural(self.frame_count, 'frame')}" if self.frames < 0 else plural(self.frames, "frame")
         return f"{Method(self.method).label}, {count}"
-
-    @property
-    def on_frames(self) -> bool:
-        """Whether its method moves the body by frames."""
-        return bool(self.method) and has_frames(Method(self.method))
 
     @property
     def plainness(self) -> float:

@@ -82,7 +82,10 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
     MeshError
         pyNastran is not there or cannot read the file, or the body has parts that are no solids, shells or beams.
     """
-    if _by_meshio(path):
+    with path.open(encoding="latin-1") as file:
+        first = file.readline()
+    # Its elements have no property, which nothing but meshio reads.
+    if "written by meshio" in first:
         with quiet(path, "check the file"):
             return Contents(meshio.read(path))
     bdf = imported("pyNastran.bdf.bdf", path, "pyNastran", "nastran")
@@ -96,12 +99,6 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
     if not ended:
         _refuse_early_end(contents, path)
     return contents
-
-
-def _by_meshio(path: Path) -> bool:
-    """Whether meshio wrote the file: its elements have no property, which nothing but meshio reads."""
-    with path.open(encoding="latin-1") as file:
-        return "written by meshio" in file.readline()
 
 
 def _source(path: Path) -> tuple[str | io.StringIO, bool, bool]:

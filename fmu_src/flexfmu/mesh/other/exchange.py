@@ -7,7 +7,7 @@ Cincinnati's collection of universal file formats.
 import contextlib
 import io
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -234,9 +234,9 @@ def read_exodus(path: Path) -> Contents:
     with quiet(path, "check the file; expected Exodus II"), path.open("rb") as start:
         if start.read(4) == _HDF5:
             with h5py.File(path) as file:
-                return _contents(_from_hdf5(file), path)
+                return _contents(_variables(file, lambda value: value.attrs.get("elem_type")), path)
         with netcdf_file(path, mmap=False) as file:
-            return _contents(_from_netcdf(file), path)
+            return _contents(_variables(file.variables, lambda value: getattr(value, "elem_type", None)), path)
 
 
 def _contents(variables: Mapping[str, Any], path: Path) -> Contents:
@@ -296,16 +296,8 @@ def _titles(variables: Mapping[str, Any], key: str, names: str, kind: str) -> li
     return [name or f"{kind} {number}" for number, name in enumerate([*given, *[""] * count][:count], start=1)]
 
 
-def _from_hdf5(file: Any) -> dict[str, dict[str, Any]]:
-    return {key: {"data": value[()], "elem_type": _text(value.attrs.get("elem_type"))} for key, value in file.items()}
-
-
-def _from_netcdf(file: Any) -> dict[str, dict[str, Any]]:
-    return {
-        key: {"data": value.data, "elem_type": _text(getattr(value, "elem_type", None))}
-        for key, value in file.variables.items()
-    }
-
-
-def _text(value: Any) -> str:
-    return value.decode("latin-1") if isinstance(value, bytes) else "" if value is None else str(value)
+def _variables(file: Any, kind: Callable[[Any], Any]) -> dict[str, dict[str, Any]]:
+    """Each variable's data, and the kind of elements of which it is, "" for none."""
+    kinds = {key: kind(value) or "" for key, value in file.items()}
+    texts = {key: one.decode("latin-1") if isinstance(one, bytes) else str(one) for key, one in kinds.items()}
+    return {key: {"data": value[()], "elem_type": texts[key]} for key, value in file.items()}

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import ceil
 
 import numpy as np
@@ -245,6 +246,7 @@ def reduced_parts(
         forces = [on_section(part, side, warping[side]) for side in part.sections]
         origin = (3 * part.origin[:, None] + np.arange(3)).ravel()
         piece = reduced_piece(own, part.model, report, store, part.springs, np.hstack(forces), spanned[origin])
+        piece = piece.certified() if own.certificate else piece
         pieces.append(piece)
         ends |= _ends(number, part, piece, np.cumsum([force.shape[1] for force in forces])[:-1])
         begin = f"part_{number + 1}_" if len(parts) > 1 and not own.frames else ""
@@ -296,7 +298,7 @@ def _warping(names: Sequence[str], parts: Sequence[Part], fields: FloatArray) ->
 
 
 def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: Store) -> Reduced:
-    """Reduce a body in one piece; where loops close within it, its shadow has them opened.
+    """Reduce a body in one piece, without its shadow yet; where loops close within it, that has them opened.
 
     Its modes hold such a loop together linearly only, and more frames or modes do not change that. Several frames of a
     loop through supports may turn apart where they meet: such a body gets another shadow, with that loop opened.
@@ -312,21 +314,26 @@ def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: St
     -------
     Reduced
     """
-    found, opened, within = replace(config, frames=(), branches=(), levels_asked=False, cuts=()), model, []
-    if config.certificate:
-        with report.stage("Look for loops that stay closed"):
-            within = _within(found, model)
-            if within or (config.levels > 1 and _closes_loops(model)):
-                found, opened, _ = _opened(found, model, within)
+    piece = reduced_piece(config, model, report, store)
+    return replace(piece, certified=partial(_certified, piece, config, model, report, store))
+
+
+def _certified(piece: Reduced, config: BodyOptions, model: Model, report: Reporter, store: Store) -> Reduced:
+    """A body in one piece with its shadow, and another one where loops through supports are opened."""
+    found, opened = replace(config, frames=(), branches=(), levels_asked=False, cuts=()), model
+    with report.stage("Look for loops that stay closed"):
+        within = _within(found, model)
+        if within or (config.levels > 1 and _closes_loops(model)):
+            found, opened, _ = _opened(found, model, within)
     cuts = found.cuts
-    own = config.certificate and not (cuts and within)
-    piece = reduced_piece(replace(config, certificate=own), model, report, store)
+    if not (cuts and within):
+        piece = piece.certified()
     if not cuts:
         return piece
     with report.stage(f"Reduce the body once more, {plural(len(cuts), 'loop')} opened, to know its error"):
         finer = finer_shadow(found, FINER * found.levels)
         other, span, _ = reduced_parts(finer, opened, Reporter(), store, piece.shapes)
-    if own:
+    if not within:
         return replace(piece, opened=Shadow(other, span))
     report.note(f"{plural(len(cuts), 'loop')} within the body: {AGAINST_OPENED}")
     return replace(piece, body=replace(piece.body, shadow=Shadow(other, span)))
