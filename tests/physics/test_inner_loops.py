@@ -22,6 +22,9 @@ RECTANGLE = [((0, 0, 3), (15, 0, 3)), ((0, 0, 4), (0, 0, 13)), ((15, 0, 4), (15,
 FEET = [((0, 0, 0), (11, 0, 0)), ((25, 0, 0), (36, 0, 0)), ((12, 0, 0), (12, 0, 4)), ((24, 0, 0), (24, 0, 4))]
 OMEGA = [*FEET, ((8, 0, 5), (12, 0, 5)), ((24, 0, 5), (28, 0, 5)), ((8, 0, 6), (8, 0, 15)), ((28, 0, 6), (28, 0, 15)),
          ((8, 0, 16), (28, 0, 16))]  # fmt: skip
+# A foot and a flat ring of eight by six cells on it.
+FLAT = [((3, 0, 0), (4, 0, 0)), ((0, 1, 0), (7, 1, 0)), ((0, 2, 0), (0, 5, 0)), ((7, 2, 0), (7, 5, 0)),
+        ((0, 6, 0), (7, 6, 0))]  # fmt: skip
 POSTS = [((x, 0, 4), (x, 0, 13)) for x in (3, 12)]
 
 
@@ -128,6 +131,27 @@ def test_a_closed_loop_knows_its_error_by_the_opened_body(tmp_path):
             assert estimate.bound < 1.5 * estimate.relative
             worst = max(worst, estimate.relative)
     assert worst > 5e-3
+
+
+@pytest.mark.slow
+def test_a_sheet_that_is_cut_evades_its_stretch(tmp_path):
+    """A flat ring, 20 mm wide and 1 mm thick, folded on both sides: 2.9 % off without shapes of third order."""
+    mesh = bars(ElementType.C3D20, FLAT, 0.02)
+    mesh = replace(mesh, points=mesh.points * [1.0, 1.0, 0.05])
+    sides = {name: lambda p, x=x: np.hypot(p[:, 0] - x, p[:, 1] - 0.08) for name, x in (("LEFT", 0.0), ("RIGHT", 0.16))}
+    mesh = with_sets(mesh, ROOT=lambda p: p[:, 1], **sides)
+    config = body_file(mesh, tmp_path, interface=["LEFT", "RIGHT"], cut="auto", output={"error": False})
+    body = FlexibleBody(reduce_body(config, Reporter()))
+    assert body.model.ties is not None
+    read = read_body_model(config, Reporter())
+    model = read.model
+    fits = [fit_interface(one, model.mesh, ()) for one in read.options.interfaces]
+    force = [0.0, 0.0, 30.0]
+    nodal = sum(fit.nodal_loads(len(model.mesh.points))[:, :3] @ force for fit in fits)
+    (field,) = load_path(model.mesh, model.unknowns, model.spring, nodal, [1.0], Reporter()).displacement
+    truth = np.array([fit.operator[:3] @ field.reshape(-1, 3)[fit.nodes].ravel() for fit in fits])
+    found = body.response(body.static({"left": force, "right": force})).displacement
+    assert np.abs(found - truth).max() < 2e-3 * np.abs(truth).max()
 
 
 @pytest.mark.slow

@@ -255,7 +255,9 @@ def _with_modes(divided: _Divided, matrices: Matrices, every: FloatArray) -> _Ba
     """The modes of a divided model, with room for loads (3n, l): of units on interfaces, and warping of sections."""
     wanted, stored = divided.config.basis, divided.config.stored
     residual = every if wanted.residual is True else every[:, list(wanted.residual or ())]
-    modes, key = modal_basis(wanted, matrices, every, residual)
+    # Sections would be too stiff against each other with the static shapes alone that loads need most.
+    own = replace(wanted, by_need=wanted.by_need and not divided.cut)
+    modes, key = modal_basis(own, matrices, every, residual)
     if wanted.by_need and Data.SECOND_ORDER in stored:
         modes, key = with_third_order(matrices, modes, key, divided.unit_loads(), divided.config.far)
     _tell(modes, matrices.report)

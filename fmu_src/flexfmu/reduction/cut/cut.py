@@ -326,7 +326,7 @@ def part_configs(config: BodyOptions, opened: Mesh, parts: Sequence[Part]) -> li
     basis, levels = config.basis, config.levels
     if basis.kind is Basis.NORMAL:
         # Normal modes alone would leave the sections too stiff against each other.
-        basis = replace(basis, residual=True, by_need=False)
+        basis = replace(basis, residual=True)
     if not config.levels_asked:
         levels = 1 if config.frames or config.branches else max(1, levels // len(parts))
     return [
