@@ -124,7 +124,7 @@ def washer() -> Body:
     def rim(way: complex, elements: int) -> Where:
         """Nodes of the rim within so many elements of a direction."""
         place = mesh.points[:, 0] + 1j * mesh.points[:, 1]
-        chosen = (abs(np.angle(place / way)) < elements * np.pi / 20 + 1e-6) & (abs(place) > 0.0449)
+        chosen = (abs(np.angle(place / way)) < elements * np.pi / 20 + 1e-6) & (abs(place) > 0.0499)
         return lambda _: chosen
 
     cases = {
