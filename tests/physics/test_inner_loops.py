@@ -10,6 +10,8 @@ from flexfmu.build.reduce import read_body_model, reduce_body
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
+from flexfmu.model.methods import Method, recipe_of
+from flexfmu.program.mechanics import against_error
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.cut.loops import element_contacts, inner_sections
 from meshes import bars, body_file, box, with_sets
@@ -112,6 +114,7 @@ def test_a_closed_loop_knows_its_error_by_the_opened_body(tmp_path):
     assert body.model.ties is None
     assert body.model.shadow.body.ties is not None
     assert any("1 loop within the body" in text for text in notes)
+    assert 'cut = "auto"' in against_error(body.model, recipe_of(Method.SECOND_ORDER))
     read = read_body_model(config, Reporter())
     model = read.model
     worst = 0.0

@@ -373,6 +373,8 @@ def against_error(body: ReducedBody, recipe: Recipe) -> str:
         return 'take method = "second_order"'
     if recipe.kinematics is not Kinematics.SECOND_ORDER:
         return 'build with frames and method = "second_order"'
+    if body.ties is None and body.shadow is not None and body.shadow.body.ties is not None:
+        return 'build with cut = "auto": its loops stay closed'
     return "build with more frames, more modes, or residual_flexibility = true"
 
 
