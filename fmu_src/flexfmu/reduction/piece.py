@@ -256,8 +256,7 @@ def _with_modes(divided: _Divided, matrices: Matrices, every: FloatArray) -> _Ba
     wanted, stored = divided.config.basis, divided.config.stored
     residual = every if wanted.residual is True else every[:, list(wanted.residual or ())]
     # Sections would be too stiff against each other with the static shapes alone that loads need most.
-    own = replace(wanted, by_need=False) if divided.cut else wanted
-    modes, key = modal_basis(own, matrices, every, residual)
+    modes, key = modal_basis(replace(wanted, by_need=False) if divided.cut else wanted, matrices, every, residual)
     if wanted.by_need and Data.SECOND_ORDER in stored:
         modes, key = with_third_order(matrices, modes, key, divided.unit_loads(), divided.config.far)
     _tell(modes, matrices.report)

@@ -332,8 +332,7 @@ def _certified(piece: Reduced, config: BodyOptions, model: Model, report: Report
         return piece
     with report.stage(f"Reduce the body once more, {plural(len(cuts), 'loop')} opened, to know its error"):
         # Of so many frames as a body has that bends far, more tell nothing.
-        times = 1 if config.far else FINER
-        finer = replace(finer_shadow(found, times * found.levels), levels_asked=False)
+        finer = replace(finer_shadow(found, (1 if config.far else FINER) * found.levels), levels_asked=False)
         other, span, _ = reduced_parts(finer, opened, Reporter(), store, piece.shapes)
     if not within:
         return replace(piece, opened=Shadow(other, span))
