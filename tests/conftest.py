@@ -3,6 +3,7 @@
 import csv
 import os
 import signal
+import sys
 import tempfile
 from collections import Counter, defaultdict
 from pathlib import Path
@@ -16,8 +17,17 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.outputs import Reporter
 from flexfmu.files.store import Store
+from flexfmu.model.methods import Method
+from flexfmu.study.cost import StepCost
+from flexfmu.study.workshop import Workshop
 from references import BEAM, L_FRAME, body_without_error
 from scene_tools import SMALL_SWEEP, with_results
+
+# Where Python is to keep no bytecode beside its sources, that of the tests and of what their processes import is kept
+# with what pytest keeps: else every process compiles all of it, and every run the tests.
+if sys.dont_write_bytecode:
+    sys.dont_write_bytecode, sys.pycache_prefix = False, str(Path(__file__).parents[1] / ".pytest_cache" / "bytecode")
+    os.environ |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": sys.pycache_prefix}
 
 # A shell's background jobs ignore Ctrl-C, and so would the jobs that tests interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -150,6 +160,17 @@ def store():
 def bent_beam(tmp_path):
     """Scene of the bent beam with CalculiX's results as the user's own, and few combinations."""
     return with_results(tmp_path, SMALL_SWEEP)
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """Steps are not timed but counted, so that no choice depends on what else the machine does."""
+
+    def cost(_, body, variant):
+        work = body.mode_count * (1 + body.frame_count + list(Method).index(variant.method))
+        return StepCost(1e-6 * work, 1e-6 * work, 1.0, 1.0)
+
+    monkeypatch.setattr(Workshop, "cost", cost)
 
 
 @pytest.fixture

@@ -23,6 +23,14 @@ frames = [1, 2]
 methods = ["linear", "frames"]
 finite_elements = false
 """
+FIT = """
+[tolerance.static]
+displacement = 0.005
+
+[sweep]
+modes = [10]
+frames = [1, 2, 4, 8]
+"""
 
 
 class Listening(Reporter):
