@@ -119,13 +119,14 @@ def test_an_empty_set_is_refused_by_name(tmp_path):
 
 
 def test_set_names_count_the_same_in_upper_and_lower_case(tmp_path):
-    config = body_file(
-        bar(), tmp_path, interface=["TIP"], support="root", reduction={"modes": 2, "residual_flexibility": False}
-    )
+    tables = {"reduction": {"modes": 2, "residual_flexibility": False}, "formulation": {"method": "linear"}}
+    config = body_file(bar(), tmp_path, interface=["TIP"], support="root", **tables)
     assert reduce_body(config, Reporter()).mode_count == 2
 
 
-@pytest.mark.parametrize(("name", "count", "added"), [("EDGE", 5, 27), ("CORNER", 1, 19)])
+@pytest.mark.parametrize(
+    ("name", "count", "added"), [("EDGE", 5, 27), pytest.param("CORNER", 1, 19, marks=pytest.mark.slow)]
+)
 def test_an_interface_on_a_line_or_point_takes_moments_by_its_elements(name, count, added, tmp_path):
     mesh, report = bar((12, 2, 2)), Recorder()
     body = FlexibleBody(reduce_body(body_file(mesh, tmp_path, interface=["TIP", name]), report))

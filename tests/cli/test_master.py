@@ -260,6 +260,7 @@ def test_connections_to_one_input_add_up_and_replace_its_start_value(folder):
     assert coupled_inputs(wiring, np.array([1.0, 10.0]), np.zeros(2), 0.01).tolist() == [32.0]
 
 
+@pytest.mark.slow
 def test_springs_add_to_start_values_and_tables(folder):
     (folder / "loads.csv").write_text("time,port_0.force.x\n0,1\n1,3\n", encoding="utf-8")
     arm = 'input = "loads.csv"\nstart = { "port_0.force.y" = 7.0 }'

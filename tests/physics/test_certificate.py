@@ -291,6 +291,7 @@ def test_an_interface_fixed_that_frames_do_not_hang_on_leaves_the_error_unknown(
     assert driven.get("diagnostics.error", "tip.error.displacement") == [0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_parts_of_a_cut_bodys_shadow_bend_by_their_own_coordinates(monkeypatch):
     """Round-off of single precision is no direction; with all directions errors are the same to that precision."""
     mesh = bars(ElementType.C3D20, [((0, 0, 0), (0, 0, 5)), ((1, 0, 5), (6, 0, 5)), ((6, 0, 0), (6, 0, 4))], 0.02)

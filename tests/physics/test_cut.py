@@ -110,6 +110,7 @@ def test_a_cut_body_is_the_whole_one_in_the_linear_range(whole, cut):
     )
 
 
+@pytest.mark.slow
 def test_factors_of_the_whole_and_of_its_parts_make_room_for_each_other(cut, tmp_path, monkeypatch):
     """The whole body's factors are let go before those of the parts, and found once more for what is watched."""
     found = []
@@ -170,6 +171,7 @@ def test_the_surfaces_of_both_sides_of_a_cut_stay_together(cut):
     assert np.linalg.norm(np.diff(moved[pairs], axis=1), axis=2).max() > 10.0 * apart
 
 
+@pytest.mark.slow
 def test_joints_at_distances_and_numbers_of_modes_hold_in_each_part(tmp_path):
     def build(modes):
         tables = {"frames": None, "branch": [{"toward": "MID", "joints": [0.1]}], "reduction": {"modes": modes}}
@@ -182,6 +184,7 @@ def test_joints_at_distances_and_numbers_of_modes_hold_in_each_part(tmp_path):
     assert few.mode_count == build(4).mode_count - 2
 
 
+@pytest.mark.slow
 def test_constraint_modes_make_no_difference(whole, tmp_path):
     """Two cuts would leave a part without support: of the portal the second one opens nothing but a leg."""
     basis = {"basis": "craig_bampton", "modes": 10}
@@ -189,6 +192,7 @@ def test_constraint_modes_make_no_difference(whole, tmp_path):
     assert difference(compliance(body), compliance(whole)) < 1e-4
 
 
+@pytest.mark.slow
 def test_a_loop_of_one_part_may_be_cut(tmp_path):
     """Held at one foot only, the portal with a second bar is one part that closes a loop in itself."""
     mesh = bars(
@@ -681,6 +685,7 @@ def test_before_it_is_built_a_cut_body_is_seen_with_the_frames_of_its_parts(tmp_
     np.testing.assert_array_equal(frames.number[beside], cut.surface.frame[near][beside])
 
 
+@pytest.mark.slow
 def test_the_surfaces_of_parts_that_turn_stay_together(tmp_path):
     # The feet are hinged: either part can turn about its own by itself.
     mesh = portal()
@@ -853,6 +858,7 @@ output = {{ error = false, surface = false }}
 """
 
 
+@pytest.mark.slow
 def test_a_bar_of_beams_between_two_bushings_is_cut_into_what_it_is_in_one_piece(tmp_path):
     """Rigid sections warp by their resultants alone: alike there by shut gaps, they ask for nothing more."""
     y = np.linspace(-0.5, 0.5, 11)

@@ -62,6 +62,7 @@ def test_plates_with_holes_and_cantilevers_have_none():
         assert found(with_sets(mesh, ROOT=lambda p: p[:, 0])) == []
 
 
+@pytest.mark.slow
 def test_many_cells_are_no_frame_of_slender_members():
     """A rectangle with many posts has more loops than are opened: none is."""
     assert found(frame(*(((x, 0, 4), (x, 0, 13)) for x in range(1, 15, 2))), "TIP") == []

@@ -228,6 +228,7 @@ def test_energy_is_kept_whatever_the_step(reduced, folder, force, step, mass):
     assert max(held) > 0.1
 
 
+@pytest.mark.slow
 def test_the_internal_step_is_of_second_order(reduced):
     body, duration, ends = reduced(ARCH), 2e-3, []
     for count in (40, 80, 160, 1280):

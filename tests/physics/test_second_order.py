@@ -120,6 +120,7 @@ def test_weight_bends_the_beam_along_the_elastica(reduced):
     assert errors[1] < 0.008
 
 
+@pytest.mark.slow
 def test_a_point_off_its_nodes_moves_on_an_arc_about_them():
     """As a rigid arm carries it; a weight that hangs there loads the body as a force at the point does."""
     point, mesh = np.array([1.0, 0.3, 0.1]), box(ElementType.C3D20, (8, 2, 2), (1.0, 0.05, 0.08))
@@ -140,6 +141,7 @@ def test_a_point_off_its_nodes_moves_on_an_arc_about_them():
         np.testing.assert_allclose(heavy.displacement, pushed.displacement, atol=0.01 * size)
 
 
+@pytest.mark.slow
 def test_energy_is_kept_whatever_the_step(reduced):
     body = FlexibleBody(reduced(L_FRAME, 2), SECOND, damping_scale=0.0)
     loads, state = body.loads({"tip": [500.0, -800.0, 900.0]}), body.rest()

@@ -743,7 +743,7 @@ def test_stress_on_both_faces_is_that_of_stretch_and_curvature(kind):
     np.testing.assert_allclose(at_nodes, -(mesh.points[nodes] @ turn)[:, 2:] * whole, atol=1e-9 * np.abs(whole).max())
 
 
-@pytest.mark.parametrize("kind", ["S4", "S8R"])
+@pytest.mark.parametrize("kind", [pytest.param("S4", marks=pytest.mark.slow), "S8R"])
 def test_largest_stress_of_shells_is_an_output(kind):
     middle = Middle("strip", kind)
     cells = {"quad8" if kind == "S8R" else "quad": np.array(middle.cells)}

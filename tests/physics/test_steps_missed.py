@@ -39,7 +39,7 @@ def off(true, found):
     return relative(found, true[every - 1 :: every])
 
 
-@pytest.mark.parametrize("mass", ["constant", "polynomial"])
+@pytest.mark.parametrize("mass", ["constant", pytest.param("polynomial", marks=pytest.mark.slow)])
 def test_what_is_told_is_the_error_of_steps_or_a_little_more(bodies, tmp_path, mass):
     body = beam(bodies, "second_order", mass)
     _, _, true, _ = swung(tmp_path, body, SHORT)
@@ -74,6 +74,7 @@ def test_what_passes_the_limit_is_told_once(bodies, tmp_path):
     assert f"the length of the steps makes the motion wrong by some {100.0 * first:.3g} %" in text
 
 
+@pytest.mark.slow
 def test_internal_steps_are_shorter_where_what_they_miss_nears_its_limit(bodies, tmp_path):
     body = beam(bodies, "second_order", "polynomial")
     _, _, true, _ = swung(tmp_path, body, SHORT)

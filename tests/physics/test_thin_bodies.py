@@ -149,7 +149,9 @@ def gutter():
     [
         ("C3D8", "take quadratic elements or a finer mesh, or shells instead of thin solids"),
         ("C3D8I", "take a finer mesh, or shells instead of thin solids"),
-        ("C3D20R", f"take a finer mesh, or shells instead of thin solids; {MIDDLES}"),
+        pytest.param(
+            "C3D20R", f"take a finer mesh, or shells instead of thin solids; {MIDDLES}", marks=pytest.mark.slow
+        ),
         ("gutter", f"take a finer mesh, or shells instead of thin solids; {MIDDLES}"),
     ],
 )

@@ -33,7 +33,7 @@ def test_bending_with_torsion_is_right_within_half_a_percent(bodies, frames):
     assert tip_error(bodies.l_frame(frames=frames), "static_z") <= 0.005
 
 
-@pytest.mark.parametrize("frames", [4, 5, 8])
+@pytest.mark.parametrize("frames", [pytest.param(4, marks=pytest.mark.slow), 5, 8])
 def test_bending_in_the_plane_is_right_within_half_a_percent(bodies, frames):
     assert tip_error(bodies.l_frame(frames=frames), "static_x") <= 0.005
 

@@ -30,6 +30,7 @@ def test_a_decay_of_two_vibrations_in_noise_gives_back_their_frequencies_and_rat
     assert "[damping]" in found.words
 
 
+@pytest.mark.slow
 def test_a_slow_decay_in_many_rows_is_used_whole_and_a_fast_one_says_how_far(tmp_path):
     """One vibration that loses a fifth of its size in a twentieth of the rows tells little of its ratio there."""
     time, omega = np.arange(12_000) * 2.5e-3, 2.0 * np.pi * np.array([1.0, 3.0])
