@@ -394,6 +394,7 @@ def test_info_shows_modes_interfaces_tree_and_origin(folder, file):
     result = CliRunner().invoke(app, ["info", str(folder / file)])
     assert result.exit_code == 0
     assert "bar: 6 modes, 1 interface, 3 frames; method second_order" in " ".join(result.stdout.split())
+    assert "methods: linear; modal_rotation; " in " ".join(result.stdout.split())
     for frequency in body.angular_frequency / (2.0 * np.pi):
         assert f"{frequency:.6g}" in result.stdout
     assert re.search(r"tip .*\(1, 0\.05, 0\.065\).* frame_3", result.stdout)

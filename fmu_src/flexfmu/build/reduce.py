@@ -205,7 +205,7 @@ def _with_mass(
         if not lumps_are_fine(found):
             report.note(_COARSE)
             return certified
-        draft.forget()
+        draft.release(holds=False)
         other.release()
         return finer_certified
     finally:

@@ -34,7 +34,7 @@ def describe(body: ReducedBody) -> list[RenderableType]:
         f"[bold]{body.name}[/]: {plural(body.mode_count, 'mode')}, {plural(body.interface_count, 'interface')}, "
         f"{plural(body.frame_count, 'frame')}; method {chosen(body).words}"
     )
-    offered = f"methods: {', '.join(variant.words for variant in offered_variants(body))}"
+    offered = f"methods: {'; '.join(variant.words for variant in offered_variants(body))}"
     missed = [f"[yellow]warning:[/] {escape(words)}" for words in [missed_words(body)] if words]
     return [head, offered, *missed, _properties(body), _modes(body), _interfaces(body), _frames(body), _origin(body)]
 

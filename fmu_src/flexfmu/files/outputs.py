@@ -127,15 +127,12 @@ class Tentative(Stages):
             self._doubts.add(text)
             self._report.doubt(text)
 
-    def forget(self) -> None:
-        """Forget what is kept: it does not hold."""
-        self._kept.clear()
-
-    def release(self) -> None:
-        """Say what is kept."""
-        for say, text in self._kept:
+    def release(self, holds: bool = True) -> None:
+        """Say what is kept, if it holds, and from now on all at once."""
+        for say, text in self._kept * holds:
             say(text)
-        self.forget()
+        self._kept.clear()
+        self.note, self.warning = self._report.note, self._report.warning  # type: ignore[method-assign]
 
 
 class ScriptReporter(Reporter):

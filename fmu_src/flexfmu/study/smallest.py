@@ -123,6 +123,6 @@ def own_error(body: ReducedBody) -> str:
         size = f"up to {100.0 * found.relative:.2g} %" if found.relative < _WRONG else f"more than {100.0 * _WRONG:g} %"
         words = f"{size} under {np.linalg.norm(force):.3g} N on {name}, which moves by {moved:.3g} m"
         worst = max(worst, (found.relative, words))
-    hint = "; more frames or modes, or --tolerance, lower it"
+    hint = f"; {'more frames or modes' if body.ties or not body.shadow.body.ties else 'a cut'} or --tolerance lower it"
     hint *= worst[0] > (body.tolerance or parameter("ERROR_LIMIT").start)
     return worst[1] and f"own estimate of its error: {worst[1]}{hint}"
