@@ -70,7 +70,7 @@ def test_forces_stiffen_and_soften_as_the_whole_model_s_geometric_stiffness(redu
     assert relative(tangent(body, Method.FRAMES, np.eye(3)[axis]), expected) > 0.02
 
 
-@pytest.mark.parametrize(("frames", "limit"), [(1, 0.004), (2, 5e-4), (3, 2.5e-4)])
+@pytest.mark.parametrize(("frames", "limit"), [pytest.param(1, 0.004, marks=pytest.mark.slow), (2, 5e-4), (3, 2.5e-4)])
 def test_bent_beam(reduced, frames, limit):
     table = calculix(BEAM / "calculix" / "static_y.csv")
     table = table[(table["force_N"] > 0.0) & (table["force_N"] <= 10e3)]

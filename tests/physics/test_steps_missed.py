@@ -55,7 +55,7 @@ def test_what_is_told_is_the_error_of_steps_or_a_little_more(bodies, tmp_path, m
     assert known[2] < known[1] / 2.5
 
 
-@pytest.mark.parametrize("mass", ["configuration", "polynomial"])
+@pytest.mark.parametrize("mass", [pytest.param("configuration", marks=pytest.mark.slow), "polynomial"])
 def test_what_steps_miss_of_a_mass_that_changes_is_told(bodies, tmp_path, mass):
     """Nothing loads the released body: all that its steps miss is of its own mass."""
     bent = {"initialization": "static", "tip.force.z": 2.0 * FORCE, LIMIT: 0.0}
