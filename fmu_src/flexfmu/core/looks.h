@@ -98,8 +98,6 @@ typedef struct {
     Pieces *pieces;
 } Monitor;
 
-enum { ADVICE_ROTATION, ADVICE_MISSED, SOURCE_MISSED, ADVICE_SPIN, ADVICE_ERROR };
-
 /* The name of an interface; behind these are those of frames, then those of inputs. */
 const char *name_of(const Program *p, int64_t index);
 /* What was warned of is not said again. */

@@ -151,7 +151,7 @@ static const char *inconsistent(const Program *p) {
         return "a load follows no interface";
     if (p->compliances > p->interfaces || !within(p->compliance_interface, p->compliances, 0, p->interfaces - 1))
         return "a compliance is of no interface";
-    if (texts_in(p->names, p->name_bytes) != p->interfaces + (s ? s : 0) + p->loads || texts_in(p->advice, p->advice_bytes) < 5)
+    if (texts_in(p->names, p->name_bytes) != p->interfaces + (s ? s : 0) + p->loads || texts_in(p->advice, p->advice_bytes) < ADVICES)
         return "names are missing";
     if (texts_in(p->variable_texts, p->variable_bytes) != p->variables || texts_in(p->guid, p->guid_bytes) != 1)
         return "variables have no names";

@@ -39,6 +39,7 @@ uint64_t program_mark(const void *image);
 uint64_t program_base(const void *image);
 
 /* The text number `index` of several that end in zero bytes; "" where there are fewer. */
+enum { ADVICE_ROTATION, ADVICE_MISSED, SOURCE_MISSED, ADVICE_SPIN, ADVICE_ERROR, ADVICE_LIMIT, ADVICES };
 const char *text_at(const char *texts, int64_t bytes, int64_t index);
 
 #endif

@@ -361,20 +361,24 @@ def _put_turns(draft: Draft, body: ReducedBody) -> None:
     draft.arrays["operator_"] = operator
 
 
+# Of a body with closed loops, whose error a shadow with loops opened tells.
+_CUT = 'build with cut = "auto": its loops stay closed'
+
+
 def advice(body: ReducedBody, recipe: Recipe, missed: str = "", source: str = "") -> bytes:
     """What to do about all that is watched, in the core's order; of missed stiffness also by which source."""
-    spin, error = against_spin(body, recipe), against_error(body, recipe)
-    return texts(against_rotation(body, recipe), missed, source, spin, error)
+    error = against_error(body, recipe)
+    limit = f", or {error}" if error == _CUT else ""
+    return texts(against_rotation(body, recipe), missed, source, against_spin(body, recipe), error, limit)
 
 
 def against_error(body: ReducedBody, recipe: Recipe) -> str:
     """What to do about the error that a body tells of itself."""
-    if recipe.kinematics is not Kinematics.SECOND_ORDER and body.second is not None and body.frame_count:
-        return 'take method = "second_order"'
     if recipe.kinematics is not Kinematics.SECOND_ORDER:
-        return 'build with frames and method = "second_order"'
+        held = body.second is not None and body.frame_count
+        return f'{"take" if held else "build with frames and"} method = "second_order"'
     if body.ties is None and body.shadow is not None and body.shadow.body.ties is not None:
-        return 'build with cut = "auto": its loops stay closed'
+        return _CUT
     return "build with more frames, more modes, or residual_flexibility = true"
 
 
