@@ -8,6 +8,7 @@ import pytest
 from flexfmu import Body, FlexibleBody
 from flexfmu.build.reduce import read_body_model, reduce_body
 from flexfmu.fe.nonlinear import load_path
+from flexfmu.files.basics import EquilibriumError
 from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Method, recipe_of
@@ -135,6 +136,8 @@ def test_a_closed_loop_knows_its_error_by_the_opened_body(tmp_path):
             assert estimate.bound < 1.5 * estimate.relative
             worst = max(worst, estimate.relative)
     assert worst > 5e-3
+    with pytest.raises(EquilibriumError, match='units, or build with cut = "auto"'):
+        body.static({"tip": [0.0, 0.0, -1e6]})
 
 
 @pytest.mark.slow
