@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,8 +19,10 @@ from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
 from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.fmu.simulation import simulate, simulate_csv
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Method
 from flexfmu.reduction.options import Basis
+from meshes import body_file, box, with_sets
 from references import BEAM, body_without_error
 
 
@@ -72,7 +75,21 @@ def test_frames_that_overlap_leave_out_or_hold_nothing_are_told():
 def test_interface_that_reaches_beyond_its_frame_is_told():
     half = {"box": [[0.3, -1.0, -1.0], [0.8, 1.0, 1.0]]}
     _, said = build(interface=[InterfaceTable(name="middle", nodes=half)], frames=16)
-    assert any("lie outside frame" in text for text in said)
+    assert any("lie outside frame" in text and text.endswith("take a smaller set") for text in said)
+
+
+def test_a_bore_that_reaches_over_frames_is_not_asked_to_be_smaller(tmp_path):
+    plate = box(ElementType.C3D8I, (8, 4, 1), (0.16, 0.08, 0.01))
+    (block,) = plate.blocks
+    middle = plate.points[block.connectivity].mean(axis=1)
+    holed = replace(plate, blocks=(block.part(np.abs(middle[:, :2] - [0.08, 0.04]).max(axis=1) > 0.025),))
+    # On the edges of the square hole: of its sides' planes.
+    sides = {"BORE": lambda p: np.abs(np.abs(p[:, :2] - [0.08, 0.04]).max(axis=1) - 0.02)}
+    holed = with_sets(holed, ROOT=lambda p: p[:, 0], **sides)
+    report, plain = Warnings(), {"reduction": {"modes": 2, "residual_flexibility": False, "second_order": False}}
+    reduce_body(body_file(holed, tmp_path, interface=["BORE"], frames=8, **plain, output={"surface": False}), report)
+    (told,) = [text for text in report.said if "lie outside frame" in text]
+    assert told.endswith("take fewer frames, or rigid = true")
 
 
 @pytest.mark.slow

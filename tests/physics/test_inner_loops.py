@@ -15,6 +15,7 @@ from flexfmu.model.methods import Method, recipe_of
 from flexfmu.program.mechanics import against_error
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.cut.loops import element_contacts, inner_sections
+from flexfmu.study.smallest import own_error
 from meshes import bars, body_file, box, with_sets
 
 SIDE = 0.01
@@ -117,6 +118,7 @@ def test_a_closed_loop_knows_its_error_by_the_opened_body(tmp_path):
     assert body.model.shadow.body.ties is not None
     assert any("1 loop within the body" in text for text in notes)
     assert 'cut = "auto"' in against_error(body.model, recipe_of(Method.SECOND_ORDER))
+    assert "; a cut or --tolerance lower it" in own_error(replace(body.model, tolerance=1e-6))
     read = read_body_model(config, Reporter())
     model = read.model
     worst = 0.0

@@ -181,6 +181,7 @@ def test_a_coupling_is_an_interface_under_its_names_at_its_reference_node(tmp_pa
     moved = read(tmp_path, BODY + COUPLING.replace("100, 2.,", "100, 3.,"))
     for body, x in ((mesh, 2.0), (moved, 3.0)):
         body = checked(body)
+        assert not any("no element uses" in note for note in body.notes)
         interface = fit_interface(spec.options.interfaces[0], body, ())
         np.testing.assert_allclose(interface.point, [x, 0.5, 0.5])
     assert any(note.endswith("; its nodes are rigid") for note in mesh.notes)
@@ -192,6 +193,8 @@ def test_a_rigid_body_whose_reference_node_is_held_is_a_support(tmp_path):
     )
     mesh = read(tmp_path, BODY + rigid + "*BOUNDARY\nRP, 1, 6\n")
     assert mesh.labels[mesh.fixed.all(axis=1)].tolist() == [2, 3, 6, 7, 100]
+    # It is no node that was forgotten.
+    assert not any("no element uses" in note for note in checked(mesh).notes)
     partly = read(tmp_path, BODY + rigid + "*BOUNDARY\nRP, 1, 3\nRP, 6, 6\n")
     assert not partly.fixed.any()
     assert partly.equations.shape[0] == 3

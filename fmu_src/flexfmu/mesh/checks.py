@@ -189,8 +189,12 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
     if used.all():
         return mesh
     rows = np.cumsum(used) - 1
-    dropped = mesh.labels[~used]
-    notes = [f"{len(dropped)} nodes that no element uses are left out: {listed(dropped)}"]
+    # Couplings and rigid bodies speak for their reference nodes.
+    spoken = np.isin(np.arange(used.size), np.concatenate([rows[:0], *(one.nodes for one in mesh.links)]))
+    for point in mesh.references.values():
+        spoken |= np.all(mesh.points == point, axis=1)
+    dropped = mesh.labels[~used & ~spoken]
+    notes = [f"{len(dropped)} nodes that no element uses are left out: {listed(dropped)}"] * bool(dropped.size)
     node_sets = {name: rows[members[used[members]]] for name, members in mesh.node_sets.items()}
     if emptied := [name for name, left in node_sets.items() if len(mesh.node_sets[name]) and not len(left)]:
         notes.append(f"node sets that hold none but such nodes are empty now: {listed(emptied)}")

@@ -56,6 +56,8 @@ from .watched import watched_material
 _SPREAD = 0.1
 # Share of the body's size below which it does not matter.
 _SHORT = 0.25
+# How far from the middle of a bore all its nodes are, over the farthest: all of it is one joint.
+_HOLLOW = 0.25
 # Share of the body's nodes that no interface is likely to have.
 _MOST = 0.9
 # Share of deflections that a coarse mesh may lack in silence.
@@ -336,9 +338,11 @@ def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[
         # Over a short stretch frames turn so little against each other that nothing is lost.
         reach, size = (np.linalg.norm(np.ptp(points, axis=0)) for points in (points[told], points))
         if beyond > _SPREAD * told.size and reach > _SHORT * size and not rigid:
+            away = np.linalg.norm(points[told] - points[told].mean(axis=0), axis=1)
+            advice = "fewer frames, or rigid = true" if away.min() > _HOLLOW * away.max() else "a smaller set"
             report.warning(
                 f"interface {interface.name!r}: {beyond} of its {told.size} nodes lie outside frame "
-                f"{subdomains[interface.frame].name}, which carries all of it; take a smaller set"
+                f"{subdomains[interface.frame].name}, which carries all of it; take {advice}"
             )
     if interface.frame < 0 and subdomains:
         found = f"interface {interface.name!r} touches no frame and moves linearly"
