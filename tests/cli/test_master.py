@@ -26,7 +26,7 @@ from flexfmu.master import Result, couple, read_coupling_file, run, write_result
 from flexfmu.master.config import Held, Scheme
 from flexfmu.master.layout import Springs
 from flexfmu.master.wiring import wire
-from flexfmu.model.rotations import exponential, rotation_vector
+from turns import exponential, rotation_vector
 
 LEAST = """
 [experiment]

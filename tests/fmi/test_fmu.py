@@ -19,8 +19,8 @@ from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import core_binaries, package_fmu
 from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.model.modal_file import write_modal_file
-from flexfmu.model.rotations import exponential
 from masters import description, entries, master, motion
+from turns import exponential
 
 STEP = 1e-3
 PUSH = {"tip.force.x": -2e3, "tip.force.y": 8e3, "tip.moment.z": 300.0}

@@ -9,8 +9,8 @@ from flexfmu.build.tables import FrameTable
 from flexfmu.files.basics import BodyFileError, UnitSystem
 from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method
-from flexfmu.model.rotations import exponential
 from references import BEAM, body_without_error, calculix, displacement, relative
+from turns import exponential
 
 EXTRA = """*NSET, NSET=ALL
 SEG1, SEG2, SEG3, SEG4, SEG5, SEG6, SEG7, SEG8

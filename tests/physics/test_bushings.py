@@ -14,11 +14,11 @@ from flexfmu.files.basics import BodyFileError, ModelError
 from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Mesh
-from flexfmu.model.rotations import exponential
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.model import assemble_model
 from flexfmu.study.scene.whole_model import finite_motion
 from meshes import box
+from turns import exponential
 
 STIFFNESS, TURNING = np.array([2e4, 5e4, 9e4]), np.array([30.0, 70.0, 110.0])
 # Axes of the bushing in its columns.

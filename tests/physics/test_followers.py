@@ -15,9 +15,9 @@ from flexfmu.files.basics import EquilibriumError
 from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
-from flexfmu.model.rotations import exponential
 from flexfmu.program.variable_table import variable_table
 from references import BEAM
+from turns import exponential
 
 BENDING = Beam().bending_stiffness
 

@@ -17,10 +17,10 @@ from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
 from flexfmu.model.methods import Mass, Method
-from flexfmu.model.rotations import exponential
 from flexfmu.reduction.options import Basis
 from meshes import STEEL, body_file, box
 from references import BEAM, relative
+from turns import exponential
 
 LENGTH, SIDE, DENSITY, YOUNG = 1.0, 0.03, 7850.0, 2.0e11
 MASS = LENGTH * SIDE**2 * DENSITY

@@ -22,12 +22,12 @@ from flexfmu.mesh.elements import ElementType
 from flexfmu.model.inertia import without_frames
 from flexfmu.model.methods import Mass, Method, Variant, masses_of
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
-from flexfmu.model.rotations import exponential
 from flexfmu.reduction import masses as lumping, piece
 from flexfmu.reduction.options import Basis
 from meshes import grid, lattice
 from reference import Reference
 from references import BEAM, DEMO, L_FRAME, calculix, displacement, relative
+from turns import exponential
 
 HEAVY = Mass.CONFIGURATION
 CURVED = DEMO / "curved"

@@ -12,8 +12,8 @@ from flexfmu.fe.assembly import stiffness, unknowns
 from flexfmu.fe.gradients import nodal_stress, point_stress
 from flexfmu.files.basics import DeckError, MeshError
 from flexfmu.mesh.model import Material, laminate
-from flexfmu.model.rotations import exponential
 from physics.test_shells import KINDS, bulk_data, grid, shell, solved
+from turns import exponential
 
 PLANE = np.array([0, 1, 3])
 

@@ -19,11 +19,11 @@ from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
-from flexfmu.model.rotations import exponential
 from flexfmu.program import mass_polynomial
 from meshes import body_file, box
 from references import BEAM, L_FRAME, calculix, displacement, relative
 from scene_tools import Listening
+from turns import exponential
 
 ONE_STEP = StepLimits(0.0, 1e300)
 

@@ -16,13 +16,13 @@ from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import PointMass
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND
-from flexfmu.model.rotations import exponential, rotation_vector
 from flexfmu.reduction.options import Basis
 from flexfmu.reduction.rigid_fit import by_node
 from flexfmu.reduction.second_order import node_readings
 from flexfmu.reduction.subdomains import Subdomain, fitted_rotation
 from meshes import box
 from references import BEAM, L_FRAME, calculix, displacement, relative, rotation
+from turns import exponential, rotation_vector
 
 SECOND, BY_LOAD = Method.SECOND_ORDER, Method.STIFFNESS_BY_LOAD
 # Six normal modes and the residual flexibility of the tip: statics are right linearly.

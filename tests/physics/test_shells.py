@@ -29,11 +29,11 @@ from flexfmu.files.outputs import Reporter, tell_nobody
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.model import Material, Mesh
 from flexfmu.mesh.shells import expanded
-from flexfmu.model.rotations import exponential
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.options import BodyOptions, InterfaceNodes
 from meshes import box
+from turns import exponential
 
 RESULTS = np.genfromtxt(FILE, delimiter=",", names=True, dtype=None, encoding="utf-8")
 KINDS = ("quad", "triangle", "quad8", "triangle6")

@@ -13,8 +13,8 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Mass, Method
-from flexfmu.model.rotations import exponential
 from meshes import STEEL, body_file, box, with_sets
+from turns import exponential
 
 BLOCK = np.array([0.3, 0.1, 0.04])
 MASS = STEEL.density * BLOCK.prod()

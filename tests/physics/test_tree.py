@@ -9,7 +9,8 @@ from bodies import COROTATED, LINEAR, random_body, turning_body, with_second_ord
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import GROUND, Masses, WholeFrame
-from flexfmu.model.rotations import exponential, skew
+from flexfmu.model.rotations import skew
+from turns import exponential
 
 H = 1e-5
 # Rotations of a few tenths of a radian in every node, near a full one in some: nothing is small.

@@ -8,9 +8,9 @@ from bodies import body_of_everything, random_ties, turning_body
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND
-from flexfmu.model.rotations import exponential
 from flexfmu.model.variants import missing
 from reference import Reference
+from turns import exponential
 
 SEEDS = st.integers(0, 2**32 - 1)
 # Angles: of the linear range, of a few tenths of a radian, of full turns.

@@ -52,10 +52,10 @@ def test_an_equation_of_sets_stands_for_one_of_each_node(tmp_path):
 @pytest.mark.parametrize(
     ("card", "expected"),
     [
-        ("TIE, 1, 2", {1: 1.0, 2: -1.0}),
-        ("PIN, 1, 2", {1: 1.0, 2: -1.0}),
-        ("LINEAR, 30, 1, 2", {30: 1.0, 1: -0.75, 2: -0.25}),
-        ("QUADRATIC, 30, 1, 31, 2", {30: 1.0, 1: -0.375, 31: -0.75, 2: 0.125}),
+        ("TIE, 1, 2", {1: -1.0, 2: 1.0}),
+        ("PIN, 1, 2", {1: -1.0, 2: 1.0}),
+        ("LINEAR, 30, 1, 2", {30: -1.0, 1: 0.75, 2: 0.25}),
+        ("QUADRATIC, 30, 1, 31, 2", {30: -1.0, 1: 0.375, 31: 0.75, 2: -0.125}),
     ],
 )
 def test_multi_point_constraints_that_stay_linear_are_equations(tmp_path, card, expected):
@@ -76,7 +76,7 @@ def test_tied_nodes_are_moved_onto_their_face_and_move_as_its_place_does(tmp_pat
     linear = np.random.default_rng(0).standard_normal((3, 3))
     np.testing.assert_allclose(mesh.equations @ (mesh.points @ linear).ravel(), 0.0, atol=1e-14)
     found = rows(mesh)[0]
-    assert sorted(found) == [(5, 1, -0.5625), (6, 1, -0.1875), (7, 1, -0.0625), (8, 1, -0.1875), (21, 1, 1.0)]
+    assert sorted(found) == [(5, 1, 0.5625), (6, 1, 0.1875), (7, 1, 0.0625), (8, 1, 0.1875), (21, 1, -1.0)]
 
 
 def test_tied_nodes_that_lie_on_their_face_but_for_round_off_are_not_called_moved(tmp_path):

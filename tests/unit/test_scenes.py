@@ -8,7 +8,6 @@ import pytest
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method, Variant
-from flexfmu.model.rotations import exponential, rotation_vector
 from flexfmu.study.candidates import Reduction
 from flexfmu.study.scene.config import BasisChoice, SceneError
 from flexfmu.study.scene.reference import equilibria_errors, errors, references, within
@@ -17,6 +16,7 @@ from flexfmu.study.scene.whole_model import finite_motion
 from flexfmu.study.workshop import Workshop
 from references import BEAM, calculix, displacement, relative
 from scene_tools import BEND, Listening, scene_of, with_results
+from turns import exponential, rotation_vector
 
 # --- what a scene file may say
 

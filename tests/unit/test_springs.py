@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexfmu.mesh.model import Along, SpringDamper
-from flexfmu.model.rotations import exponential
 from flexfmu.reduction.bushings import Bushings, SpringReading
+from turns import exponential
 
 NONE = np.zeros(0, dtype=np.int64)
 TURN, SHIFT = np.array([0.7, -0.4, 0.9]), np.array([0.3, -0.2, 0.5])

@@ -11,13 +11,13 @@ from flexfmu.files.basics import OptionError
 from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Method
-from flexfmu.model.rotations import exponential
 from flexfmu.reduction import surface
 from flexfmu.reduction.basis import Matrices
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.modes import normal_modes
 from meshes import EVERY_TYPE, arc, body_file, box
 from references import BEAM, relative
+from turns import exponential
 
 # Every node of these bricks is on a corner, so that the surface holds all nodes of an interface on it.
 BRICK = ElementType.C3D8

@@ -26,42 +26,24 @@ _UNPACKED, _RATIO = 2**30, 20
 
 
 class Kind(Enum):
-    """What a file is, in words."""
+    """What a file is, what it is for, and of TOML files the top-level keys by which they are told from each other."""
 
-    BODY = "a body file"
-    SCENE = "a scene file"
-    COUPLING = "a coupling file"
-    MESH = "a mesh"
-    FMU = "an FMU"
-    MODAL = "a modal file"
-    TABLE = "a table"
+    BODY = "a body file", "`flexfmu build` makes an FMU of it", "mesh", "interface", "support"
+    SCENE = "a scene file", "it goes to `flexfmu chart` and `fit` as --scene", "static", "transient", "sweep"
+    COUPLING = "a coupling file", "`flexfmu couple` runs it", "experiment", "fmu", "connection", "spring"
+    MESH = "a mesh", 'name it in a body file, file = "…" in [mesh], and build that'
+    FMU = "an FMU", "it goes to `flexfmu info` and `simulate`, or into a coupling file"
+    MODAL = "a modal file", "`flexfmu info` shows it; the FMU of the same build has it inside"
+    MODES = "modes (.npz or .h5)", "`flexfmu pack` makes an FMU of them"
+    TABLE = "a table", "it goes to `flexfmu simulate` as --input"
 
-    @property
-    def use(self) -> str:
-        """What a file of this kind is for."""
-        return _USES[self]
-
-
-_USES = {
-    Kind.BODY: "`flexfmu build` makes an FMU of it",
-    Kind.SCENE: "it goes to `flexfmu chart` and `fit` as --scene",
-    Kind.COUPLING: "`flexfmu couple` runs it",
-    Kind.MESH: 'name it in a body file, file = "…" in [mesh], and build that',
-    Kind.FMU: "it goes to `flexfmu info` and `simulate`, or into a coupling file",
-    Kind.MODAL: "`flexfmu info` shows it; the FMU of the same build has it inside",
-    Kind.TABLE: "it goes to `flexfmu simulate` as --input",
-}
-# Top-level keys by which TOML files are told from each other.
-_KEYS = {
-    Kind.BODY: {"mesh", "interface", "support"},
-    Kind.SCENE: {"static", "transient", "sweep"},
-    Kind.COUPLING: {"experiment", "fmu", "connection", "spring"},
-}
+    def __init__(self, words: str, use: str, *keys: str):
+        self.words, self.use, self.keys = words, use, frozenset(keys)
 
 
 def toml_kind(data: Mapping[str, Any]) -> Kind | None:
     """Kind of a TOML file by its top-level keys; None where they are nobody's or several kinds'."""
-    found = [kind for kind, keys in _KEYS.items() if keys & set(data)]
+    found = [kind for kind in Kind if kind.keys & set(data)]
     return found[0] if len(found) == 1 else None
 
 
@@ -99,7 +81,7 @@ def check_input(path: Path, error_type: type[FlexfmuError], *wanted: Kind) -> No
     *wanted : Kind
         Kinds that will do.
     """
-    expected = f"expected {' or '.join(kind.value for kind in wanted)}"
+    expected = f"expected {' or '.join(kind.words for kind in wanted)}"
     if path.is_dir():
         raise error_type(f"{path} cannot be read: it is a folder, {expected}")
     if path.exists() and not path.is_file():
@@ -117,7 +99,7 @@ def check_input(path: Path, error_type: type[FlexfmuError], *wanted: Kind) -> No
     except OSError as error:
         raise error_type(f"{path} cannot be read ({error}), {expected}") from error
     if found is not None and found not in wanted:
-        raise error_type(f"{path} is {found.value}, {expected}: {found.use}")
+        raise error_type(f"{path} is {found.words}, {expected}: {found.use}")
 
 
 def check_unpacked(path: Path) -> None:

@@ -98,7 +98,7 @@ def read_toml(path: Path, error_type: type[FlexfmuError], wanted: Kind) -> dict[
         raise error_type(f"{path}: not valid TOML: {error}{shown}; {'; '.join(slips)}") from error
     found = toml_kind(data)
     if found not in (None, wanted):
-        raise error_type(f"{path} is {found.value}, expected {wanted.value}: {found.use}")
+        raise error_type(f"{path} is {found.words}, expected {wanted.words}: {found.use}")
     return data
 
 

@@ -151,15 +151,13 @@ def start_text(variable: Variable) -> str:
 
 def _structure(structure: Element, table: tuple[Variable, ...]) -> None:
     """Outputs follow from the state alone: no direct feedthrough, and masters see no algebraic loop."""
-    outputs = SubElement(structure, "Outputs")
-    for index, variable in enumerate(table, start=1):
-        if variable.causality == "output":
-            SubElement(outputs, "Unknown", index=str(index), dependencies="")
     # At the start they may depend on every load and parameter: that is what leaving the dependencies out says.
-    initial = SubElement(structure, "InitialUnknowns")
-    for index, variable in enumerate(table, start=1):
-        if variable.causality == "output":
-            SubElement(initial, "Unknown", index=str(index))
+    known: dict[str, dict[str, str]] = {"Outputs": {"dependencies": ""}, "InitialUnknowns": {}}
+    for title, dependencies in known.items():
+        unknowns = SubElement(structure, title)
+        for index, variable in enumerate(table, start=1):
+            if variable.causality == "output":
+                SubElement(unknowns, "Unknown", {"index": str(index), **dependencies})
 
 
 _TYPES = {"Real": "Float64", "Integer": "Int32"}

@@ -10,6 +10,7 @@ import platform
 import sys
 from collections.abc import Callable
 from ctypes import py_object, pythonapi
+from functools import partialmethod
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -137,39 +138,29 @@ class BodySlave:
         real = ctypes.c_double
         return self._call("fmi2DoStep", real(current_time), real(step_size), 0) != _DISCARD
 
-    # Values.
+    # Values: of the variables of some references; to be set are inputs, and parameters before initialisation ends.
 
-    def get_real(self, vrs: list[int]) -> list[float]:
-        """Values of real variables."""
-        return self._get("fmi2GetReal", vrs, ctypes.c_double)
+    def _get(self, name: str, kind: Callable[..., Any], told: Callable[[Any], Any], vrs: list[int]) -> list[Any]:
+        values = (kind * len(vrs))()  # type: ignore[operator]
+        self._call(f"fmi2Get{name}", self._references(vrs), ctypes.c_size_t(len(vrs)), values)
+        return list(map(told, values))
 
-    def get_integer(self, vrs: list[int]) -> list[int]:
-        """Values of integer variables."""
-        return self._get("fmi2GetInteger", vrs, ctypes.c_int)
+    def _set(
+        self, name: str, kind: Callable[..., Any], made: Callable[[Any], Any], vrs: list[int], values: Any
+    ) -> None:
+        if len(values) != len(vrs):
+            raise self._failure(f"fmi2Set{name}: {len(values)} values for {len(vrs)} references")
+        given = (kind * len(values))(*map(made, values))  # type: ignore[operator]
+        self._call(f"fmi2Set{name}", self._references(vrs), ctypes.c_size_t(len(vrs)), given)
 
-    def get_boolean(self, vrs: list[int]) -> list[bool]:
-        """Values of Boolean parameters."""
-        return [bool(value) for value in self._get("fmi2GetBoolean", vrs, ctypes.c_int)]
-
-    def get_string(self, vrs: list[int]) -> list[str]:
-        """Values of string parameters."""
-        return [value.decode() for value in self._get("fmi2GetString", vrs, ctypes.c_char_p)]
-
-    def set_real(self, vrs: list[int], values: list[float]) -> None:
-        """Set inputs, and parameters before initialisation ends."""
-        self._set("fmi2SetReal", vrs, ctypes.c_double, values)
-
-    def set_integer(self, vrs: list[int], values: list[int]) -> None:
-        """No integer can be set."""
-        self._set("fmi2SetInteger", vrs, ctypes.c_int, values)
-
-    def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
-        """Set Boolean parameters before initialisation ends."""
-        self._set("fmi2SetBoolean", vrs, ctypes.c_int, [int(value) for value in values])
-
-    def set_string(self, vrs: list[int], values: list[str]) -> None:
-        """Set string parameters before initialisation ends."""
-        self._set("fmi2SetString", vrs, ctypes.c_char_p, [value.encode() for value in values])
+    get_real = partialmethod(_get, "Real", ctypes.c_double, float)
+    get_integer = partialmethod(_get, "Integer", ctypes.c_int, int)
+    get_boolean = partialmethod(_get, "Boolean", ctypes.c_int, bool)
+    get_string = partialmethod(_get, "String", ctypes.c_char_p, bytes.decode)
+    set_real = partialmethod(_set, "Real", ctypes.c_double, float)
+    set_integer = partialmethod(_set, "Integer", ctypes.c_int, int)
+    set_boolean = partialmethod(_set, "Boolean", ctypes.c_int, int)
+    set_string = partialmethod(_set, "String", ctypes.c_char_p, str.encode)
 
     # State.
 
@@ -219,18 +210,6 @@ class BodySlave:
         if status >= _ERROR:
             raise self._failure(None)
         return status
-
-    def _get(self, name: str, vrs: list[int], kind: Callable[..., Any]) -> list[Any]:
-        count = len(vrs)
-        values = (kind * count)()  # type: ignore[operator]
-        self._call(name, self._references(vrs), ctypes.c_size_t(count), values)
-        return list(values)
-
-    def _set(self, name: str, vrs: list[int], kind: Callable[..., Any], values: list[Any]) -> None:
-        if len(values) != len(vrs):
-            raise self._failure(f"{name}: {len(values)} values for {len(vrs)} references")
-        given = (kind * len(values))(*values)  # type: ignore[operator]
-        self._call(name, self._references(vrs), ctypes.c_size_t(len(vrs)), given)
 
     def _references(self, vrs: list[int]) -> ctypes.Array[ctypes.c_uint]:
         return (ctypes.c_uint * len(vrs))(*(vr & 0xFFFFFFFF for vr in vrs))

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from ..fe.assembly import mass as mass_matrix
 from ..files.basics import FlexfmuError, FloatArray, IntArray, UnitSystem, listed
 from ..files.outputs import check_target, whole_file
-from ..files.tables import Kind, kind_of
+from ..files.tables import Kind, check_input
 from ..mesh.checks import DENSITY_RANGE, SIZE_RANGE, checked
 from ..mesh.model import NO_MATERIAL, Material, Mesh
 from ..reduction.model import rigid_basis
@@ -253,11 +253,7 @@ def read_given(path: str | Path) -> GivenModes:
     array([40.9, 40.9])
     """
     source = Path(path)
-    if not source.is_file():
-        raise GivenModesError(f"{source}: no such file, expected modes (.npz or .h5); correct the path")
-    found = kind_of(source)
-    if found not in (None, Kind.MODAL):
-        raise GivenModesError(f"{source} is {found.value}, expected modes (.npz or .h5): {found.use}")
+    check_input(source, GivenModesError, Kind.MODES, Kind.MODAL)
     try:
         contents = _npz(source) if source.suffix.lower() == ".npz" else _hdf5(source)
     # NumPy, zipfile and h5py raise whatever damaged bytes lead them to.

@@ -10,7 +10,7 @@ from flexfmu.files.basics import BoolArray, DeckError, FloatArray, IntArray, lis
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.sets import Deck, DeckSurface, SetTable
 from flexfmu.mesh.elements import face_corners
-from flexfmu.mesh.equations import Row
+from flexfmu.mesh.equations import Row, moved_by
 from flexfmu.mesh.ties import EdgeTie, OfShell, ShellTie, nearest_faces, weighted
 
 # Degrees of freedom 4 to 6 are rotations, which reference nodes have and nodes of solids have not.
@@ -283,13 +283,13 @@ def _constraint(line: Line, card: Card, node_sets: SetTable, points: FloatArray)
                 f"MPC BEAM joins nodes that are {apart:.4g} apart: where it turns, a rigid link is no linear "
                 "constraint; mesh it with stiff solids, or take a *COUPLING, which serves as an interface"
             )
-        return [joined(node, {other: 1.0}, axis) for node, other in pairs for axis in range(TRANSLATIONS)]
+        return [row for node, other in pairs if node != other for row in moved_by(node, {other: 1.0})]
     if kind in ("LINEAR", "QUADRATIC") and all(len(group) == 1 for group in groups):
         nodes, wanted = [group[0] for group in groups], {"LINEAR": 3, "QUADRATIC": 4}[kind]
         if len(nodes) != wanted:
             raise line.error(f"MPC {kind} takes {wanted} nodes, found {len(nodes)}")
         weights = _along(points[nodes], line, kind)
-        return [joined(nodes[0], dict(zip(nodes[1:], weights, strict=True)), axis) for axis in range(TRANSLATIONS)]
+        return [] if nodes[0] in nodes[1:] else moved_by(nodes[0], dict(zip(nodes[1:], weights, strict=True)))
     raise line.error(
         f"MPC {kind} of {len(groups)} nodes or sets is not supported (supported: TIE and PIN of two, LINEAR of three, "
         "QUADRATIC of four); others turn with their nodes, which no linear equation does"
@@ -311,27 +311,6 @@ def _along(places: FloatArray, line: Line, kind: str) -> list[float]:
             raise line.error(f"two nodes of MPC {kind} are in one place; give nodes apart from each other")
         weights.append(float(np.prod((at[0] - rest) / (own - rest))))
     return weights
-
-
-def joined(node: int, others: Mapping[int, float], axis: int) -> dict[int, float]:
-    """Return the equation by which a node moves in a direction as the weighted mean of others.
-
-    Parameters
-    ----------
-    node : int
-    others : mapping of int to float
-        Weights.
-    axis : int
-        From zero.
-
-    Returns
-    -------
-    dict of int to float
-    """
-    row = {3 * node + axis: 1.0}
-    for other, weight in others.items():
-        row[3 * other + axis] = row.get(3 * other + axis, 0.0) - weight
-    return row
 
 
 # Distance from a face, over the mean edge of the faces, up to which a node is tied where the deck does not say.
@@ -412,7 +391,7 @@ class TieTable:
                 more = f"are tied to shells of '{names[1]}' and turn with them{more}"
             else:
                 place = {node: weighted(*one) for node, one in nearest.items()}
-                found += [joined(node, one, axis) for node, one in place.items() for axis in range(TRANSLATIONS)]
+                found += [row for node, one in place.items() for row in moved_by(node, one)]
                 more = f"are tied to faces of '{names[1]}'{more}{self._moved(card, place)}"
             self.notes.append(told + more)
         return found
