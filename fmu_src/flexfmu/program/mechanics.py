@@ -362,7 +362,7 @@ def _put_turns(draft: Draft, body: ReducedBody) -> None:
 
 
 # Of a body with closed loops, whose error a shadow with loops opened tells.
-_CUT = 'build with cut = "auto": its loops stay closed'
+_CUT = 'build with cut = "auto" (with constant mass): its loops stay closed'
 
 
 def advice(body: ReducedBody, recipe: Recipe, missed: str = "", source: str = "") -> bytes:
