@@ -5,7 +5,9 @@ import os
 import signal
 import sys
 import tempfile
+import zlib
 from collections import Counter, defaultdict
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +25,30 @@ from flexfmu.study.workshop import Workshop
 from references import BEAM, L_FRAME, body_without_error
 from scene_tools import SMALL_SWEEP, with_results
 
+LIBRARIES = ("fmpy", "fontTools", "h5py", "hypothesis", "joblib", "lark", "lxml", "matplotlib", "meshio", "numpy",
+             "pandas", "PIL", "pydantic", "pymetis", "pyNastran", "rich", "scipy", "skfem", "typer")  # fmt: skip
+
+
+def _link_bytecode(prefix):
+    """Link below the prefix what large libraries were installed with: Python looks for bytecode there alone."""
+    for folder in {Path(one) for one in sys.path if Path(one).name == "site-packages"}:
+        for name in LIBRARIES:
+            for cached in (folder / name).rglob(f"__pycache__/*.{sys.implementation.cache_tag}.pyc"):
+                place = prefix / cached.parent.parent.relative_to(cached.anchor) / cached.name
+                if "tests" not in cached.parts:
+                    place.parent.mkdir(parents=True, exist_ok=True)
+                    place.symlink_to(cached)
+
+
 # Where Python is to keep no bytecode beside its sources, that of the tests and of what their processes import is kept
 # with what pytest keeps: else every process compiles all of it, and every run the tests.
 if sys.dont_write_bytecode:
-    sys.dont_write_bytecode, sys.pycache_prefix = False, str(Path(__file__).parents[1] / ".pytest_cache" / "bytecode")
+    kept_bytecode = Path(__file__).parents[1] / ".pytest_cache" / "bytecode"
+    # Another run at the same time may do the same; where it goes wrong Python compiles.
+    with suppress(OSError):
+        if "PYTEST_XDIST_WORKER" not in os.environ and not kept_bytecode.exists():
+            _link_bytecode(kept_bytecode)
+    sys.dont_write_bytecode, sys.pycache_prefix = False, str(kept_bytecode)
     os.environ |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": sys.pycache_prefix}
 
 # A shell's background jobs ignore Ctrl-C, and so would the jobs that tests interrupt.
@@ -106,6 +128,8 @@ def _temporary(kept_builds):
     ):
         patch.setenv("TMPDIR", folder)
         patch.setattr(tempfile, "tempdir", None)
+        # Archives need not be small.
+        patch.setattr(zlib, "Z_DEFAULT_COMPRESSION", 1)
         patch.setenv("FLEXFMU_CACHE", str(kept_builds))
         patch.setattr(Store.__init__, "__defaults__", (kept_builds,))
         yield

@@ -9,6 +9,7 @@ from contextlib import suppress
 from ctypes import c_double, c_int, c_size_t, c_uint
 
 import numpy as np
+import pytest
 
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
@@ -16,6 +17,8 @@ from flexfmu.fmu.python_slave import BodySlave, SlaveError
 from flexfmu.program.variable_table import variable_table
 from native_master.bare_fmi2 import DISCARD, ERROR, OK, WARNING, Fmu
 
+# Both exports: where every test takes both, the Python one is for the slow ones, since others drive its slave quickly.
+RUNTIMES = [Runtime.NATIVE, pytest.param(Runtime.PYTHON, marks=pytest.mark.slow)]
 # Mark, size, phase and checksum of a state, then mark, owner, checksum and length of its numbers, bytes.
 STATE_HEAD = 64
 

@@ -13,6 +13,7 @@ import pytest
 
 import fuzzed
 from bodies import random_body
+from driven import RUNTIMES
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.core.building import system_compiler
 from flexfmu.fmu.description import Runtime
@@ -50,7 +51,7 @@ def fuzzed_body(seed: int, modes: int = 3) -> ReducedBody:
     )
 
 
-@pytest.fixture(scope="module", params=list(Runtime), ids=lambda runtime: runtime.value)
+@pytest.fixture(scope="module", params=RUNTIMES, ids=lambda runtime: runtime.value)
 def runtime(request):
     """Each export."""
     return request.param

@@ -19,6 +19,7 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 
 from bodies import beam_body, random_body
+from driven import RUNTIMES
 from flexfmu.build.tables import InputTable, OutputTable, StressTable
 from flexfmu.core.building import PLATFORMS as BINARIES, this_platform
 from flexfmu.fmu.description import Runtime
@@ -133,7 +134,7 @@ def make(bodies):
     return build
 
 
-@pytest.fixture(scope="module", params=list(Runtime), ids=lambda runtime: runtime.value)
+@pytest.fixture(scope="module", params=RUNTIMES, ids=lambda runtime: runtime.value)
 def runtime(request):
     """Each export."""
     return request.param

@@ -19,6 +19,7 @@ from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import core_binaries, package_fmu
 from flexfmu.fmu.reading import read_packaged_body
 from flexfmu.model.modal_file import write_modal_file
+from flexfmu.study.stability import BodyPrograms
 from masters import description, entries, master, motion
 from turns import exponential
 
@@ -348,8 +349,8 @@ def test_fmus_with_different_versions_of_the_code_in_one_process_do_not_mix(tmp_
     # The copy's code gives values times ten.
     path, copy = tmp_path / "beam.fmu", tmp_path / "copy.fmu"
     package_fmu(beam_body(3, modes=3), path, Runtime.PYTHON)
-    plain = 'return self._get("fmi2GetReal", vrs, ctypes.c_double)'
-    tenfold = 'return [10.0 * value for value in self._get("fmi2GetReal", vrs, ctypes.c_double)]'
+    plain = 'partialmethod(_get, "Real", ctypes.c_double, float)'
+    tenfold = plain.replace("float", "lambda value: 10.0 * value")
     renamed_copy(path, copy, lambda text: text.replace(plain, tenfold))
     jobs = [[str(one), PUSH] for one in (path, copy, path)]
     first, second, third = (np.array(end) for end in master("side_by_side", jobs, STEP, 10))
@@ -491,3 +492,12 @@ def test_both_exports_give_the_same_to_the_last_bit(tmp_path, settings, start):
         found.append(master("trajectory", str(path), PUSH, STEP, 30, settings | start))
     assert found[0] == found[1]
     assert np.max(np.abs(found[0]["rows"])) > 0.1
+
+
+def test_the_slave_takes_a_value_for_each_reference_and_no_integers():
+    with BodyPrograms(random_body(1)) as programs:
+        slave = programs.start()
+        with pytest.raises(python_slave.SlaveError, match=r"fmi2SetReal: 1 values for 2 references"):
+            slave.set_real([0, 1], [1.0])
+        with pytest.raises(python_slave.SlaveError, match="fmi2SetInteger"):
+            slave.set_integer([programs.variables["status.code"][0]], [1])
