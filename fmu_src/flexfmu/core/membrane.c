@@ -7,6 +7,9 @@
 #include "algebra.h"
 #include "tree.h"
 
+/* Way of q over q, energy being the measure, up to which its square is round-off; and up to which a first round may leave it out. */
+static const double SAME = 1e-6, NEAR = 0.3;
+
 /* Forms that go by the same coordinates, as many as `size`: of a part with their basis (size, m), at last q itself without. */
 typedef struct {
     int64_t part, first, end, size;
@@ -49,6 +52,7 @@ void take_stretch(const Body *body, Arena *arena, Stretch *at) {
     at->whole = take(arena, p->stretches);
     at->own = take(arena, size);
     at->sum = take(arena, size);
+    at->push = take(arena, p->stretches);
     at->square = at->row = 0;
 }
 
@@ -76,6 +80,8 @@ void stretch_at(const Body *body, const double *q, Stretch *at) {
     const Program *p = body->p;
     const int64_t m = p->modes;
     Forms forms = NO_FORMS;
+    at->base = 0;
+    at->moved = 0;
     while (next_forms(p, &forms)) {
         const int64_t k = forms.size, fours = (forms.end - forms.first + LANES - 1) / LANES;
         if (passed(body->slice, (forms.basis ? k : 0) + packed_groups(k) * fours + 1)) continue;
@@ -88,6 +94,110 @@ void stretch_at(const Body *body, const double *q, Stretch *at) {
             if (!forms.basis) at->whole[r] += dot(p->stretch_linear + r * m, q, m);
         }
     }
+}
+
+void take_moving_stretch(const Body *body, Arena *arena, Stretch *at) {
+    const Program *p = body->p;
+    Forms forms = NO_FORMS;
+    int64_t numbers = 0, size = 0;
+    while (next_forms(p, &forms)) {
+        numbers += packed_size(forms.size);
+        size += forms.size;
+    }
+    take_stretch(body, arena, at);
+    at->place = take(arena, size ? p->modes : 0);
+    at->gap = take(arena, size ? p->modes : 0);
+    at->way = take(arena, size);
+    at->found = take(arena, 2 * p->stretches);
+    at->turn = take(arena, numbers);
+}
+
+/* Of LANES forms from `group` on, all at q, whose coordinates are x; and factors of the sum of a force from `from`. */
+static void find_group(const Body *body, const Forms *forms, int64_t group, const double *packed, const double *q, const double *x,
+                       const Stretch *from, Stretch *at, double *factors) {
+    const Program *p = body->p;
+    const int64_t k = forms->size, m = p->modes;
+    double *slope = at->slope + forms->slope + (group - forms->first) * k, bent[LANES];
+    four_rows(body, packed, x, slope, k);
+    rows_times(slope, x, bent, LANES, k);
+    for (int64_t r = group; r < group + LANES && r < forms->end; r++) {
+        at->bent[r] = at->whole[r] = bent[r - group];
+        if (!forms->basis) at->whole[r] += dot(p->stretch_linear + r * m, q, m);
+        factors[r - group] = p->stretch_sign[r] * (from->whole[r] + at->whole[r]);
+    }
+}
+
+/* All at q, and, but for the start, what a way from there does to the slopes in the sum of a force. */
+static void find_stretch(const Body *body, const Stretch *from, const double *q, Stretch *at) {
+    const Program *p = body->p;
+    Forms forms = NO_FORMS;
+    double *turn = at->turn;
+    at->base = 0;
+    at->moved = 0;
+    while (next_forms(p, &forms)) {
+        const int64_t size = packed_size(forms.size);
+        const double *x = coordinates_of(body, &forms, q, at), *packed = forms.packed;
+        /* By two groups at a time, which still lie in the cache. */
+        for (int64_t group = forms.first; group < forms.end; group += 2 * LANES, packed += 2 * size) {
+            const int both = group + LANES < forms.end;
+            double first[LANES] = {0.0}, last[LANES] = {0.0};
+            find_group(body, &forms, group, packed, q, x, from, at, first);
+            if (both) find_group(body, &forms, group + LANES, packed + size, q, x, from, at, last);
+            if (at != from) add_lanes(first, packed, last, both ? packed + size : packed, turn, size / LANES, group > forms.first);
+        }
+        turn += size;
+    }
+    memcpy(at->found, at->bent, (size_t)p->stretches * sizeof(double));
+    memcpy(at->found + p->stretches, at->whole, (size_t)p->stretches * sizeof(double));
+    memcpy(at->place, q, (size_t)p->modes * sizeof(double));
+}
+
+/* The same to first order about where another one was found, whose way is in at->gap. */
+static void move_stretch(const Body *body, const Stretch *base, Stretch *at) {
+    const Program *p = body->p;
+    const int64_t m = p->modes;
+    Forms forms = NO_FORMS;
+    double *way = at->way;
+    at->base = base == at ? 0 : base;
+    at->moved = 1;
+    while (next_forms(p, &forms)) {
+        const int64_t k = forms.size;
+        if (forms.basis)
+            rows_times(forms.basis, at->gap, way, k, m);
+        else
+            memcpy(way, at->gap, (size_t)m * sizeof(double));
+        rows_times(base->slope + forms.slope, way, at->bent + forms.first, forms.end - forms.first, k);
+        for (int64_t r = forms.first; r < forms.end; r++) {
+            const double more = 2.0 * at->bent[r];
+            at->bent[r] = base->found[r] + more;
+            at->whole[r] = base->found[p->stretches + r] + more;
+            if (!forms.basis) at->whole[r] += dot(p->stretch_linear + r * m, at->gap, m);
+        }
+        way += k;
+    }
+}
+
+void stretch_from(const Body *body, const double *q, Stretch *from) {
+    if (body->p->stretches) find_stretch(body, from, q, from);
+}
+
+int stretch_towards(const Body *body, const Stretch *from, const double *q, int first, Stretch *to) {
+    const Program *p = body->p;
+    const Stretch *base = first ? from : to->base ? to->base : to;
+    double far = 0.0, size = 0.0;
+    if (!p->stretches) return 1;
+    for (int64_t j = 0; j < p->modes; j++) {
+        to->gap[j] = q[j] - base->place[j];
+        const double gone = p->omega[j] * to->gap[j], strained = p->omega[j] * q[j];
+        far += gone * gone;
+        size += strained * strained;
+    }
+    const int turned = far == 0.0 || (base == to && far <= SAME * SAME * size);
+    if (turned || (first && far <= NEAR * NEAR * size))
+        move_stretch(body, base, to);
+    else
+        find_stretch(body, from, q, to);
+    return turned || !to->moved;
 }
 
 void add_along_shapes(const Body *body, const Stretch *at, double factor, double *out) {
@@ -109,21 +219,32 @@ static void add_sum(const Body *body, const Forms *forms, const Stretch *at, dou
     if (forms->basis) add_rows(at->sum, forms->basis, out, forms->size, body->p->modes);
 }
 
+static const double *slopes_of(const Stretch *at) { return at->base ? at->base->slope : at->slope; }
+
 void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes;
+    if (!p->stretches) return;
+    const double *turn = b->turn, *way = b->way, *first = slopes_of(a), *last = slopes_of(b);
     Forms forms = NO_FORMS;
     while (next_forms(p, &forms)) {
         const int64_t k = forms.size;
         double *sum = forms.basis ? b->sum : out;
         if (forms.basis) memset(sum, 0, (size_t)k * sizeof(double));
         for (int64_t r = forms.first; r < forms.end; r++) {
-            const double sign = p->stretch_sign[r], *linear = p->stretch_linear + r * m;
-            const double bent = sign * (a->bent[r] + b->bent[r]), whole = sign * (a->whole[r] + b->whole[r]);
-            const int64_t place = forms.slope + (r - forms.first) * k;
-            const double *first = a->slope + place, *last = b->slope + place;
-            for (int64_t j = 0; forms.basis && j < k; j++) sum[j] -= whole * (first[j] + last[j]);
-            for (int64_t j = 0; !forms.basis && j < m; j++) out[j] -= bent * linear[j] + whole * (first[j] + last[j]);
+            const double bent = -p->stretch_sign[r] * (a->bent[r] + b->bent[r]);
+            b->push[r] = -p->stretch_sign[r] * (a->whole[r] + b->whole[r]) * (first == last ? 2.0 : 1.0);
+            if (body->opened->keeps_shapes) add_rows(&bent, p->stretch_linear + r * m, out, 1, m);
+        }
+        add_rows(b->push + forms.first, last + forms.slope, sum, forms.end - forms.first, k);
+        if (first != last) add_rows(b->push + forms.first, first + forms.slope, sum, forms.end - forms.first, k);
+        if (b->moved && !b->base) {
+            double *four = body->scratch.four;
+            packed_times(turn, way, four, k, 0, packed_groups(k));
+            for (int64_t j = 0; j < k; j++)
+                sum[j] -= (a == b ? 2.0 : 1.0) * ((four[LANES * j] + four[LANES * j + 1]) + (four[LANES * j + 2] + four[LANES * j + 3]));
+            turn += packed_size(k);
+            way += k;
         }
         add_sum(body, &forms, b, out);
     }

@@ -111,6 +111,7 @@ static void enter(Step *s, const double *q, const double *v) {
     s->rule = &x->own;
     spread_growth(s, x->growth);
     enter_state(s, q, v);
+    stretch_at(s->body, q, s->from);
     excess_mass(s->body, s->here, &x->flow, x->mass);
     excess_momentum(s->body, s->here, s->v0, &x->flow, x->momentum);
     for (int64_t j = 0; j < m; j++) x->excess[j] = x->trend[j] = 0.0;

@@ -29,6 +29,7 @@ static void enter(Step *s, const double *q, const double *v) {
     /* What loads that grow over a step do beyond their mean: exact on the undeformed body. */
     spread_growth(s, x->growth);
     enter_state(s, q, v);
+    stretch_at(s->body, q, s->from);
 }
 
 /* Modal force at an end, and the work of the loads there. */

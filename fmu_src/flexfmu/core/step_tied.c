@@ -21,7 +21,7 @@ typedef struct {
     double quiet;                /* root of the energy that is round-off of that strain and of the rates that follow from it */
     double borne;                /* twice the energy that the straight body would hold at rest under the loads */
     double start_energy, load_work, start_work, reach, speed_before, change_before;
-    int stale;                   /* whether the ties have to pull anew */
+    int stale, rough;            /* whether the ties have to pull anew; whether the membrane's force is of first order */
 } Tied;
 
 static void take_tied(const Body *body, Arena *arena, Tied *x) {
@@ -82,6 +82,7 @@ static void enter(Step *s, const double *q, const double *v) {
     x->resolved = 0;
     while (x->resolved < m && s->rule->ramp[x->resolved] != 0.0) x->resolved++;
     enter_state(s, q, v);
+    stretch_from(body, q, s->from);
     spread(body, s->all->inputs, &s->loads);
     rows_times(body->p->tie_initial, q, x->linear, m, m);
     x->borne = energy_borne(x);
@@ -94,6 +95,7 @@ static int begin(Step *s) {
     const int64_t m = body->p->modes;
     const Rule *rule = s->rule;
     const double *q = s->here->q, *v = s->v0;
+    if (s->number) stretch_from(body, q, s->from);
     if (x->resolved < m) {
         if (s->all->inputs_end) spread_at(s, (double)s->number);
         modal_force(body, &s->loads, 1, s->here, 0, &s->scratch, x->first);
@@ -145,7 +147,7 @@ static int residual(Step *s) {
     }
     /* What the mean holds beside Hq at the start and what is linear in the way, of which `respond` knows. */
     for (int64_t j = 0; j < m; j++) x->mean[j] = x->force[j] + s->factor * s->way[j];
-    stretch_at(body, s->q1, s->to);
+    x->rough = !stretch_towards(body, s->from, s->q1, s->round == 1, s->to);
     subtract_stretch_force(body, s->from, s->to, x->mean);
     return 1;
 }
@@ -165,7 +167,7 @@ static Progress correct(Step *s) {
     const double size = norm(x->change, m), last = s->change;
     const double enough = TOLERANCE * (norm(s->q1, m) + s->all->step * x->speed_before);
     if (!isfinite(size)) return LOST;
-    if (size <= fmax(fmax(enough, x->noise), s->blur * sqrt(blurred))) return SETTLED;
+    if (size <= fmax(fmax(enough, x->noise), s->blur * sqrt(blurred)) && !x->rough) return SETTLED;
     if (size > 0.5 * x->change_before) return LOST;
     x->stale = size > FAST * last;
     x->change_before = last;
@@ -231,7 +233,7 @@ static int accept(Step *s, double *found) {
     rows_times(body->coupled, x->speed, x->lost, m, m);
     for (int64_t j = 0; j < m; j++) x->mean[j] += x->held[j] - x->lost[j];
     configure_end(s);
-    stretch_at(body, s->q1, s->to);
+    stretch_towards(body, s->from, s->q1, 0, s->to);
     const double lost_way = x->resolved < m ? ringing(body, rule, &x->pull, x->first, s->v0, x->off, x->change) : 0.0;
     for (int64_t j = 0; j < m; j++) {
         s->way[j] = s->q1[j] - q[j];

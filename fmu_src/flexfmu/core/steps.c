@@ -13,7 +13,7 @@ void take_step(const Body *body, Arena *arena, Step *step) {
     const int64_t m = body->p->modes;
     for (int i = 0; i < 2; i++) {
         take_configuration(body, arena, &step->ends[i]);
-        take_stretch(body, arena, &step->stretches[i]);
+        (body->p->tied ? take_moving_stretch : take_stretch)(body, arena, &step->stretches[i]);
     }
     take_configuration(body, arena, &step->middle);
     take_loads(body, arena, &step->loads);
@@ -68,7 +68,6 @@ void enter_state(Step *s, const double *q, const double *v) {
         configure_linear(body, body->need, q, s->here);
         configure_places(body, body->need, s->here);
     }
-    stretch_at(body, q, s->from);
 }
 
 void pass_on(Step *s) {

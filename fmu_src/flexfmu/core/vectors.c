@@ -282,6 +282,34 @@ void packed_times(const double *packed, const double *x, double *out, int64_t r,
     packed_times_narrow(packed, x, out, r, first, last);
 }
 
+/* Of a new sum, or one that goes on. */
+#define DEFINE_LANES(name, Vector, parts)                                                                \
+    static void name(const double *p, const double *a, const double *q, const double *b, double *restrict out, int64_t n, int more) { \
+        for (int part = 0; part < parts; part++) {                                                       \
+            const Vector *one = (const Vector *)a + part, *two = (const Vector *)b + part;               \
+            const Vector by = ((const Vector *)p)[part], with = ((const Vector *)q)[part];               \
+            Vector *to = (Vector *)out + part;                                                           \
+            for (int64_t i = 0; more && i < n * parts; i += parts) to[i] += by * one[i] + with * two[i]; \
+            for (int64_t i = 0; !more && i < n * parts; i += parts) to[i] = by * one[i] + with * two[i]; \
+        }                                                                                                \
+    }
+
+DEFINE_LANES(add_lanes_narrow, Two, 2)
+#if defined(__x86_64__) && !defined(FLEX_NARROW)
+WIDE DEFINE_LANES(add_lanes_wide, Four, 1)
+#endif
+
+void add_lanes(const double *p, const double *a, const double *q, const double *b, double *out, int64_t n, int more) {
+    COUNT(4 * LANES * n);
+#if defined(__x86_64__) && !defined(FLEX_NARROW)
+    if (wide) {
+        add_lanes_wide(p, a, q, b, out, n, more);
+        return;
+    }
+#endif
+    add_lanes_narrow(p, a, q, b, out, n, more);
+}
+
 ALIKE void unpack_body(const double *restrict four, double *restrict rows, int64_t r) {
     double *restrict a = rows, *restrict b = a + r, *restrict c = b + r, *restrict d = c + r;
     for (int64_t j = 0; j < r; j++) {

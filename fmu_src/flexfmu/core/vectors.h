@@ -36,6 +36,8 @@ int64_t packed_groups(int64_t r);
 void packed_times(const double *packed, const double *x, double *out, int64_t r, int64_t group, int64_t end);
 /* out (r, r) += the sum of matrices times factors (LANES). */
 void add_packed(const double *factors, const double *packed, double *out, int64_t r, int64_t group, int64_t end);
+/* out (n, LANES) = numbers a and b (n, LANES) times factors p and q (LANES); += where there is more than they. */
+void add_lanes(const double *p, const double *a, const double *q, const double *b, double *out, int64_t n, int more);
 /* rows (LANES, r) = the transpose of four (r, LANES). */
 void unpack(const double *four, double *rows, int64_t r);
 
