@@ -216,6 +216,8 @@ def test_a_hinged_beam_swings_like_the_large_angle_pendulum(bodies):
     np.testing.assert_allclose(tips[count // 4 - 1], [-1.0, -1.0, 0.0], atol=1e-2)
     np.testing.assert_allclose(tips[count // 2 - 1], [-2.0, 0.0, 0.0], atol=1e-2)
     np.testing.assert_allclose(tips[count - 1], [0.0, 0.0, 0.0], atol=1e-2)
+    with pytest.raises(EquilibriumError, match="free to move in 1 rigid motion and"):
+        body.static(loads)
 
 
 def hinged_beam(config, support):

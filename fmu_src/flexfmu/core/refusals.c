@@ -32,7 +32,7 @@ void body_static_refusal(const Body *body, int answer, double share, char *text,
     const size_t room = (size_t)size;
     switch (answer) {
     case FLEX_NO_ROOM: snprintf(text, room, SAY_NO_ROOM); return;
-    case FLEX_FREE: snprintf(text, room, SAY_FREE, (long long)body->p->rigid); return;
+    case FLEX_FREE: snprintf(text, room, SAY_FREE, (long long)body->p->rigid, body->p->rigid > 1 ? "s" : ""); return;
     case FLEX_TOO_MUCH_WORK: snprintf(text, room, SAY_STATIC_WORK, 100.0 * share, body->limits.most); return;
     default:
         snprintf(text, room, SAY_BEYOND_CRITICAL, 100.0 * share, text_at(body->p->advice, body->p->advice_bytes, ADVICE_LIMIT));
