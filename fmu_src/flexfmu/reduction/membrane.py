@@ -58,9 +58,10 @@ _SAME = 2e-3
 # Part of the largest energy of pairs of coordinates up to which a combination of them is nothing: of stretching, whose
 # largest may be many times what bends the body, in a shadow, in a body and in parts of a cut one, of which an axle has
 # 208 at 1e-4 and 156 at 3e-3; and of flattening, which gives way without bound: at 1e-4 a parallelogram of leaves had
-# no equilibrium at a quarter of its length. A panel on two hinges was 2.9 % off at 3e-3, unseen by its shadow; at 1e-4
-# 1.6, 2.6 by a shadow at 1e-5.
-_FINER, _STRETCH, _OF_PARTS, _FLATTENED = 1e-5, 1e-4, 3e-3, 3e-3
+# no equilibrium at a quarter of its length. Of parts: an axle is as right with 77 of them, at 1e-2, as with 122, at
+# 3e-3. A panel on two hinges was 2.9 % off at 3e-3, unseen by its shadow; at 1e-4 1.6, 2.6 by a shadow at 1e-5.
+_FINER, _STRETCH, _OF_PARTS = 1e-5, 1e-4, 3e-3
+_FLATTENED, _FLATTENED_PARTS = 3e-3, 1e-2
 
 
 @dataclass(frozen=True)
@@ -176,7 +177,8 @@ class Stretching:
                 linear = [np.zeros((len(forms[0]), count)), shapes.T / np.sqrt(2.0)]
             signs = [np.ones(len(rows)) for rows in forms]
         if flattening:
-            forms.append(self._forms(self._flattening(fields, pairs), first, second, _FLATTENED))
+            small = _FLATTENED if keep_shapes else _FLATTENED_PARTS
+            forms.append(self._forms(self._flattening(fields, pairs), first, second, small))
             signs.append(-np.ones(len(forms[-1])))
         linear += [np.zeros((len(rows), count)) for rows in forms[len(linear) :]]
         found = np.zeros((sum(map(len, forms)), directions.shape[1], directions.shape[1]))
