@@ -249,6 +249,12 @@ def test_an_fmu_warns_where_its_bound_exceeds_the_tolerance_of_its_body(built, t
     assert read_modal_file(tmp_path / "body.h5").tolerance == model.tolerance
 
 
+def test_an_error_of_more_than_a_tenth_has_no_bound_that_says_the_same(built, tmp_path):
+    driven = Driven(built.reduced, tmp_path, **{"initialization": "static", "method": "linear", "tip.force.z": 3000.0})
+    (line,) = (text for _, text in driven.log if "off by" in text)
+    assert "more than 10 % of the largest deflection, by the body's own estimate (limit 1 %): take" in line
+
+
 def gutter():
     """Half a thin tube, clamped at one end."""
     mesh = box(ElementType.C3D20, (8, 4, 1), (0.5, np.pi, 0.0012))

@@ -118,9 +118,11 @@ static void tell_error(const Monitor *monitor, double deflection, Memory *memory
     int64_t worst = 0;
     for (int64_t i = 1; i < p->interfaces; i++)
         if (monitor->errors[2 * i] > monitor->errors[2 * worst]) worst = i;
-    snprintf(text, FINDING_TEXT, SAY_ERROR, name_of(p, worst), share > WRONG ? MORE : "", 100.0 * fmin(share, WRONG),
-             bound > WRONG ? MORE : "", 100.0 * fmin(bound, WRONG), 100.0 * watch->limit,
-             text_at(p->advice, p->advice_bytes, ADVICE_ERROR));
+    char bounded[48] = "";
+    if (!(share > WRONG))
+        snprintf(bounded, sizeof bounded, "; its bound is %s%.2g %%", bound > WRONG ? MORE : "", 100.0 * fmin(bound, WRONG));
+    snprintf(text, FINDING_TEXT, SAY_ERROR, name_of(p, worst), share > WRONG ? MORE : "", 100.0 * fmin(share, WRONG), bounded,
+             100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_ERROR));
 }
 
 /* Twice the strain energy. */
