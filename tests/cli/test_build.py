@@ -213,10 +213,14 @@ def test_a_body_free_to_move_is_refused_with_its_rigid_motions(nodes, fix, free,
 
 
 @pytest.mark.usefixtures("no_factorisation")
-def test_a_body_without_supports_has_six_rigid_motions(tmp_path):
+def test_a_body_without_supports_has_six_rigid_motions_and_notes_say_what_its_file_holds(tmp_path):
     config = body_file(bar(), tmp_path, interface=["TIP"]).model_copy(update={"support": []})
+    with config.mesh.file.open("a") as deck:
+        deck.write("*STEP\n*STATIC\n*BOUNDARY\nROOT, 1, 3\n*END STEP\n")
+    report = Recorder()
     with pytest.raises(ModelError, match=r"the body is free to move in 6 rigid motions: the supports hold 0 of its"):
-        reduce_body(config, Reporter())
+        reduce_body(config, report)
+    assert any("STEP 1: hold them by [[support]]" in note for note in report.notes)
 
 
 @pytest.mark.usefixtures("no_factorisation")

@@ -372,6 +372,15 @@ def test_an_rbe2_of_translations_between_points_in_one_place_is_a_joint(tmp_path
     assert pulled[0] == pytest.approx(along / (E * 1e-3), rel=1e-5)
 
 
+@pytest.mark.parametrize(("held", "all_of_it"), [("123456", True), ("123", False)])
+def test_a_reference_held_in_all_directions_holds_the_nodes_of_its_rbe2(tmp_path, held, all_of_it):
+    cards = chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7\n").replace(
+        "SPC1,1,123456,1\n", f"RBE2,20,6,123456,1\nSPC1,1,{held},6\n"
+    )
+    mesh = bulk(tmp_path, cards, np.concatenate([CHAIN, [[-0.2, 0.0, 0.0]]]))
+    assert (1 in mesh.labels[mesh.node_sets["SPC 1"]]) == all_of_it
+
+
 def test_a_load_point_that_hangs_on_a_beam_s_end_by_an_rbe2_is_offered(tmp_path):
     """The card's dependent point is of no element: an arm of 0.2 beyond the end, FL³/3EI + FL²a/EI + FLa²/EI."""
     cards = chain("PBAR,1,1,1.e-3,2.e-6,1.e-6,1.e-7\n") + "RBE2,20,5,123456,6\n"

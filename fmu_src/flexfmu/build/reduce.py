@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..body.reference_loads import differs_more, keeps_its_mass, lumps_are_fine
-from ..files.basics import FloatArray, UnitSystem, own_version, plural
+from ..files.basics import FlexfmuError, FloatArray, UnitSystem, own_version, plural
 from ..files.outputs import Reporter, Tentative, check_target, whole_file
 from ..files.store import Store
 from ..files.threads import in_one_thread
@@ -168,7 +168,12 @@ def reduce_mesh(
         Anything that the specification or the mesh does not provide, with what to do.
     """
     with report.stage("Check the mesh"):
-        prepared = body_model(mesh, config)
+        try:
+            prepared = body_model(mesh, config)
+        except FlexfmuError:
+            # What the file's reader left out may be the reason.
+            report.tell(mesh.notes)
+            raise
         options, store = replace(prepared.options, levels=levels or prepared.options.levels), store or Store()
         model = store.last("model", hashlib.sha256(pickle.dumps(prepared.model)).hexdigest(), lambda: prepared.model)
         mesh, properties = model.mesh, _properties(options, model)

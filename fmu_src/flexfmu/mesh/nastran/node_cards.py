@@ -253,6 +253,8 @@ def _chosen_set(model: Any, path: Path, notes: list[str]) -> list[int]:
 def single_point_sets(model: Any, notes: list[str]) -> dict[str, list[int]]:
     """Return the nodes of single-point constraints; grid points' own constraints count as set 0.
 
+    Those of a rigid RBE2 are among them where its reference is held in all directions.
+
     Parameters
     ----------
     model : pyNastran.bdf.bdf.BDF
@@ -265,9 +267,12 @@ def single_point_sets(model: Any, notes: list[str]) -> dict[str, list[int]]:
         Grid points, by "SPC n".
     """
     sets: dict[str, list[int]] = {}
+    rigid = {at: of for number, (of, at) in spider_ends(model).items() if holds_rigid(model.rigid_elements[number])}
     for number, cards in model.spcs.items():
         for card in cards:
-            sets.setdefault(f"SPC {number}", []).extend(getattr(card, "nodes", ()))
+            nodes, whole = getattr(card, "nodes", ()), set("".join(map(str, getattr(card, "components", "")))) >= _ALL
+            carried = [one for at in nodes if whole for one in rigid.get(at, ())]
+            sets.setdefault(f"SPC {number}", []).extend([*nodes, *carried])
     sets["SPC 0"] = [label for label, grid in model.nodes.items() if set(str(grid.ps)) & set(_TRANSLATIONS)]
     for name in (one for one in sets if sets[one]):
         hinge = " and no others, so that ends of beams may turn" if name in hinges(model) else ""
