@@ -9,6 +9,7 @@ import scipy.optimize
 from scipy.linalg import eigh
 
 import flexfmu
+from flexfmu.build.reduce import body_model
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import BodyFileError, ModelError
 from flexfmu.files.outputs import Reporter
@@ -80,6 +81,21 @@ def test_large_turns_on_a_bushing_are_those_of_a_rigid_body(factor):
     expected, found = equilibrium(factor * LOAD), tip(built(), factor * LOAD)
     np.testing.assert_allclose(found[:3], expected[:3], atol=1e-3 * np.linalg.norm(expected[:3]))
     np.testing.assert_allclose(found[3:], expected[3:], atol=1e-3 * np.linalg.norm(expected[3:]))
+
+
+def test_springs_of_nodes_resist_turns_as_far_as_the_build_says():
+    """A rigid bar turned about its axis, whose nodes' springs keep their directions: k Σ (y² + z²) sin θ / n."""
+    mesh = bar()
+    around = mesh.points[mesh.node_sets["ROOT"]][:, 1:]
+    stiffness = 1e4 * ((around - around.mean(axis=0)) ** 2).sum(axis=1).mean()
+    config = flexfmu.Body(mesh, supports=[flexfmu.Support("ROOT", stiffness=[1e4] * 3)], interfaces={"tip": "TIP"})
+    body = config.build(surface=False)
+    turn = tip(body, [0.0, 0.0, 0.0, np.sin(0.1) * stiffness, 0.0, 0.0])[3]
+    assert turn == pytest.approx(0.1, rel=0.01)
+    notes = [note for note in body_model(mesh, config.spec).model.mesh.notes if "up to 0.1 rad" in note]
+    assert len(notes) == 1
+    held = flexfmu.Body(mesh, supports=[BUSHING], interfaces={"tip": "TIP"})
+    assert not any("0.1 rad" in note for note in body_model(mesh, held.spec).model.mesh.notes)
 
 
 def test_frequencies_are_those_of_a_rigid_body_on_six_springs():
