@@ -11,10 +11,11 @@ from demo.rear_axle.run import CASES, HERE, WHEELS, read_reference, solve as sol
 from demo.rear_axle.shells import make_mesh
 from scipy.spatial import cKDTree
 
+import flexfmu
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.build.config import read_body_file
-from flexfmu.build.reduce import read_body_model, reduce_body
+from flexfmu.build.reduce import body_model, read_body_model, reduce_body
 from flexfmu.build.tables import CutTable, MeshTable, SupportTable
 from flexfmu.core.interface import read_image
 from flexfmu.files.basics import BodyFileError, OptionError, UnitSystem
@@ -30,7 +31,9 @@ from flexfmu.model.reduced_body import Ties
 from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_draft, compile_program
 from flexfmu.reduction.basis import supported
+from flexfmu.reduction.cut.cut import cut_at
 from flexfmu.reduction.cut.joining import join_parts
+from flexfmu.reduction.cut.loops import LoopSection
 from flexfmu.view.mesh import model_view
 from masters import description, master, motion
 from meshes import bars, body_file, box, with_sets
@@ -99,6 +102,13 @@ def difference(found, expected):
     """Of compliances, each over those of its own forces and motions."""
     scale = np.sqrt(np.diag(expected))
     return np.max(np.abs(found - expected) / np.outer(scale, scale))
+
+
+def test_the_place_of_a_cut_is_said_without_round_off():
+    mesh = portal()
+    read = body_model(mesh, flexfmu.Body(mesh, supports=["FEET"], interfaces={"skin": "SKIN"}).spec)
+    section = LoopSection(mesh.node_sets["MID"], np.array([-1e-15, 0.2, 2e-20]), 0.02)
+    assert "cut 1 at (0, 0.2, 0) m" in cut_at(read.options, read.model, [section])[2][0]
 
 
 def test_a_cut_body_is_the_whole_one_in_the_linear_range(whole, cut):

@@ -15,6 +15,7 @@ from ...files.basics import BodyFileError, BoolArray, FloatArray, IntArray, list
 from ...mesh.checks import connected_parts, nodes_of_elements
 from ...mesh.equations import coupled_nodes, renumbered
 from ...mesh.model import Mesh, moved_springs
+from ...model.summary import point
 from ..bushings import Bushings
 from ..division import neighbours
 from ..model import Model, free_motions
@@ -109,9 +110,8 @@ def cut_at(config: BodyOptions, model: Model, found: Sequence[LoopSection]) -> t
         name = f"loop {k}"
         sets[name] = one.nodes
         names.append(name)
-        x, y, z = one.place
         size = f"{one.nodes.size} nodes, {one.width:.3g} m"
-        notes.append(f'cut = "auto": cut {k} at ({x:.4g}, {y:.4g}, {z:.4g}) m, {size}')
+        notes.append(f'cut = "auto": cut {k} at {point(one.place)} m, {size}')
     if not found:
         notes.append('cut = "auto": no loop that a slender section opens; the body stays in one piece')
     opened = replace(model, mesh=replace(mesh, node_sets=sets))
