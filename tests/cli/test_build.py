@@ -223,6 +223,15 @@ def test_a_body_without_supports_has_six_rigid_motions_and_notes_say_what_its_fi
     assert any("STEP 1: hold them by [[support]]" in note for note in report.notes)
 
 
+@pytest.mark.parametrize(("frames", "drifts"), [(2, True), (1, False)])
+def test_nodes_that_a_support_holds_in_some_directions_are_said_to_drift_with_frames(tmp_path, frames, drifts):
+    config = body_file(bar(), tmp_path, interface=["TIP"], frames=frames)
+    held = [{"nodes": "ROOT", "fix": ["x", "y", "z"]}, {"nodes": "CORNER", "fix": ["z"]}]
+    report = Recorder()
+    reduce_body(type(config).model_validate(config.model_dump() | {"support": held}), report)
+    assert any("nodes are held in some directions" in note for note in report.notes) == drifts
+
+
 @pytest.mark.usefixtures("no_factorisation")
 def test_of_two_parts_the_one_that_nothing_holds_is_named_by_a_node(tmp_path):
     mesh = lattice(ElementType.C3D8, [(0, 0, 0), (2, 0, 0)], lambda p: p)
