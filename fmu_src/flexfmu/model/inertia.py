@@ -39,9 +39,14 @@ class Membrane:
     sign: FloatArray
 
     @property
+    def flattenings(self) -> int:
+        """How many of the stretches set energy free."""
+        return int((self.sign < 0.0).sum())
+
+    @property
     def words(self) -> str:
         """What there is, for people."""
-        flat = int((self.sign < 0.0).sum())
+        flat = self.flattenings
         shapes = int(np.any(self.linear != 0.0, axis=1).sum())
         found = [f"{len(self.sign) - flat} stretches"] * (len(self.sign) > flat)
         found += [f"{shapes} of shapes that bend the body themselves"] * (shapes > 0)

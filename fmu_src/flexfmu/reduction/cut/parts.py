@@ -301,7 +301,8 @@ def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: St
     """Reduce a body in one piece, without its shadow yet; where loops close within it, that has them opened.
 
     Its modes hold such a loop together linearly only, and more frames or modes do not change that. Several frames of a
-    loop through supports may turn apart where they meet: such a body gets another shadow, with that loop opened.
+    loop through supports may turn apart where they meet: such a body gets another shadow, with that loop opened, unless
+    sections flatten, of which parts know less than the whole.
 
     Parameters
     ----------
@@ -321,9 +322,10 @@ def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: St
 def _certified(piece: Reduced, config: BodyOptions, model: Model, report: Reporter, store: Store) -> Reduced:
     """A body in one piece with its shadow, and another one where loops through supports are opened."""
     found, opened = replace(config, frames=(), branches=(), levels_asked=False, cuts=()), model
+    flattens = piece.body.membrane is not None and piece.body.membrane.flattenings > 0
     with report.stage("Look for loops that stay closed"):
         within = _within(found, model)
-        if within or (config.levels > 1 and _closes_loops(model)):
+        if within or (config.levels > 1 and not flattens and _closes_loops(model)):
             found, opened, _ = _opened(found, model, within)
     cuts = found.cuts
     if not (cuts and within):
