@@ -88,19 +88,19 @@ void lu_solve(const double *a, const int64_t *pivot, double *b, int64_t n, int64
 }
 
 void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n, Slice *slice) {
-    for (int64_t i = 0, all = due(slice, (double)n); all && i < n; i++) {
+    for (int64_t i = 0, all = due(slice, (double)(4 * n)); all && i < n; i++) {
         const double kept = b[i];
         b[i] = b[pivot[i]];
         b[pivot[i]] = kept;
     }
-    Rows rows = rows_due(slice, n, (double)n);
+    Rows rows = rows_due(slice, n, (double)(n + 40));
     for (int64_t i = rows.at; i < rows.end; i++) b[i] -= dot(a + i * n, b, i);
-    rows = rows_due(slice, n, (double)n);
+    rows = rows_due(slice, n, (double)(n + 40));
     for (int64_t i = n - 1 - rows.at; i > n - 1 - rows.end; i--) b[i] = (b[i] - dot(a + i * n + i + 1, b + i + 1, n - 1 - i)) / a[i * n + i];
 }
 
 int cholesky(double *a, int64_t n, Slice *slice) {
-    Rows rows = rows_due(slice, pairs_of(n), (double)(n / 2 + 16));
+    Rows rows = rows_due(slice, pairs_of(n), (double)(n / 3 + 50));
     int64_t i, j;
     column_pair_of(rows.at, n, &i, &j);
     for (; rows.at < rows.end; rows.at++) {
@@ -210,22 +210,22 @@ static void reduce_to_tridiagonal(double *a, double *off, double *scale, double 
     for (int64_t k = 0; k + 1 < n; k++) {
         const int64_t left = n - k - 1;
         if (over(slice)) return;
-        if (dealt_with(slice, 2 * left + 2, (double)(left * (5 * left + 6)) / (double)(2 * left + 2))) continue;
+        if (dealt_with(slice, 2 * left + 2, (double)(left * (5 * left + 46) + 80) / (double)(2 * left + 2))) continue;
         double *v = a + k * n + k + 1, *rest = a + (k + 1) * (n + 1);
-        if (due(slice, (double)(3 * left))) {
+        if (due(slice, (double)(3 * left + 40))) {
             const double size = norm(v, left), sign = v[0] < 0.0 ? -1.0 : 1.0;
             off[k] = -sign * size;
             v[0] += sign * size;
             const double square = dot(v, v, left);
             scale[k] = square > 0.0 ? 2.0 / square : 0.0;
         }
-        Rows rows = rows_due(slice, left, (double)left);
+        Rows rows = rows_due(slice, left, (double)(left + 20));
         for (int64_t i = rows.at; i < rows.end; i++) work[i] = scale[k] * dot(rest + i * n, v, left);
-        if (due(slice, (double)(3 * left))) {
+        if (due(slice, (double)(3 * left + 40))) {
             const double half = 0.5 * scale[k] * dot(work, v, left);
             for (int64_t i = 0; i < left; i++) work[i] -= half * v[i];
         }
-        rows = rows_due(slice, left, (double)(4 * left));
+        rows = rows_due(slice, left, (double)(4 * left + 20));
         for (int64_t i = rows.at; i < rows.end; i++)
             for (int64_t j = 0; j < left; j++) rest[i * n + j] -= v[i] * work[j] + work[i] * v[j];
     }
@@ -248,21 +248,23 @@ void smallest_eigen(double *a, double *work, double *value, double *vector, int6
     enum { BISECTIONS = 100 };
     double *off = work, *scale = work + n, *down = work + 2 * n, *up = work + 3 * n, *bounds = work + 4 * n;
     reduce_to_tridiagonal(a, off, scale, down, n, slice);
-    if (due(slice, (double)n)) {
+    if (due(slice, (double)(10 * n))) {
         double size = 0.0;
         for (int64_t i = 0; i < n; i++) size = fmax(size, fabs(a[i * (n + 1)]) + (i ? fabs(off[i - 1]) : 0.0) + (i + 1 < n ? fabs(off[i]) : 0.0));
         bounds[0] = -size;
         bounds[1] = size;
     }
-    Rows rows = rows_due(slice, BISECTIONS, (double)(20 * n));
+    Rows rows = rows_due(slice, BISECTIONS, (double)(60 * n));
     for (; rows.at < rows.end; rows.at++) {
         const double middle = 0.5 * (bounds[0] + bounds[1]);
         bounds[!pivots(a, off, middle, 1, down, n)] = middle;
     }
-    if (due(slice, (double)(50 * n))) {
-        int64_t best = 0;
+    if (due(slice, (double)(60 * n))) {
         *value = 0.5 * (bounds[0] + bounds[1]);
         pivots(a, off, *value, 1, down, n);
+    }
+    if (due(slice, (double)(90 * n))) {
+        int64_t best = 0;
         pivots(a, off, *value, -1, up, n);
         double least = HUGE_VAL;
         for (int64_t i = 0; i < n; i++) {

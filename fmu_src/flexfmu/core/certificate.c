@@ -121,7 +121,7 @@ static double apart(const double *a, const double *b, int64_t interfaces, double
 static void residual_of(Body *shadow, Room *room, const double *inputs) {
     const Program *p = shadow->p;
     const int64_t m = p->modes;
-    if (due(shadow->slice, (double)(p->loads * m))) spread(shadow, inputs, &room->loads);
+    if (due(shadow->slice, (double)(3 * p->loads * m))) spread(shadow, inputs, &room->loads);
     modal_force(shadow, &room->loads, 1, &room->at, 0, &room->scratch, room->left);
     const Rows now = rows_due(shadow->slice, p->tied * m, (double)m);
     for (int64_t j = now.at; j < now.end; j++) room->left[j] += dot(p->tie_initial + j * m, room->q, m);
@@ -181,7 +181,7 @@ static void find_softest(const Body *shadow, Room *room, double *blocks) {
         *size = sqrt(fmax(own_stiffness(shadow, room, shape, work, e), 0.0));
     }
     for (int k = 0; k < ITERATIONS && !over(shadow->slice); k++) {
-        if (dealt_with(shadow->slice, pieces, (cost + (double)(2 * e * (1 + e))) / (double)pieces)) continue;
+        if (dealt_with(shadow->slice, pieces, (cost + (double)(e * (2 * e + 85))) / (double)pieces)) continue;
         if (due(shadow->slice, (double)e))
             for (int64_t i = 0; i < e; i++) shape[i] = *size > 0.0 ? work[i] / *size : 0.0;
         lu_solve_one(room->scaled, room->pivot, shape, e, shadow->slice);
@@ -223,7 +223,7 @@ static int newton_step(Body *shadow, Room *room, const double *inputs, double *b
     if (over(slice)) return 1;
     if (last) find_softest(shadow, room, blocks);
     lu_solve_one(room->scaled, room->pivot, room->left + first, e, slice);
-    if (!due(slice, (double)(4 * e))) return 1;
+    if (!due(slice, (double)(12 * e))) return 1;
     for (int64_t i = 0; i < e; i++) room->q[first + i] += room->left[first + i] / p->omega[first + i];
     for (int64_t i = 0; i < m; i++)
         if (!isfinite(room->q[i])) return fails(slice);
@@ -296,7 +296,7 @@ static double bound_of(double share, double soft, double within, double flat, do
 
 /* The shadow's coordinates where shapes of second order stay coordinates that are none of the body's: there they have the
  * displacement of second order, in the body they do not. */
-static void move_along_shapes(Body *body, Body *shadow, const double *q, Room *room) {
+static void move_along_shapes(const Body *body, const Body *shadow, const double *q, Room *room) {
     const Program *s = shadow->p;
     const int64_t n = body->p->modes;
     Arena arena = work_arena(body);
@@ -313,7 +313,7 @@ static void move_along_shapes(Body *body, Body *shadow, const double *q, Room *r
 }
 
 /* Cost of placing the body: of many calls, and of products that go by vectors. */
-static const double CALLS = 2500.0, OF_VECTORS = 0.3;
+static const double CALLS = 6000.0, OF_VECTORS = 0.6;
 
 /* What the body itself tells at q: what is left of its forces, its places, how far they are from where it began. */
 static int body_at(Body *body, const Body *shadow, const double *inputs, const double *q, Room *room) {
@@ -321,19 +321,19 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
     Slice *slice = shadow->slice;
     const int64_t n = p->modes, began = enter_block(slice, room->blocks + BODY);
     if (began < 0) return 1;
-    const double cost = CALLS + OF_VECTORS * configuration_cost(body), third = 2.0 * cost / 3.0;
+    const double cost = CALLS + OF_VECTORS * configuration_cost(body);
     Arena arena = work_arena(body);
     Configuration at;
     if (due(slice, cost)) {
         if (body_forces(body, inputs, q, room->rest, 0) != FLEX_OK) return fails(slice);
         for (int64_t j = 0; j < n; j++) room->rest[j] -= body->opened->stiffness[j] * q[j];
     }
-    const Rows now = rows_due(slice, shadow->p->modes, (double)(2 * n));
+    const Rows now = rows_due(slice, shadow->p->modes, (double)(6 * n));
     rows_times(shadow->p->embedding + now.at * n, q, room->q + now.at, now.end - now.at, n);
     if (shadow->opened->keeps_shapes) move_along_shapes(body, shadow, q, room);
     take_configuration(body, &arena, &at);
     if (arena.refused) return fails(slice);
-    if (due(slice, third)) {
+    if (due(slice, cost)) {
         configure(body, q, &at);
         places_in(p, &at, room->moved);
         memset(room->tense, 0, (size_t)(12 * shadow->p->ties) * sizeof(double));
@@ -342,13 +342,13 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
         if (p->curved) places_by_frames(body, &at, room->plain);
         if (p->curved) room->found[OWN] = apart(room->moved, room->plain, p->interfaces, room->bent);
     }
-    if (due(slice, third)) {
+    if (due(slice, cost)) {
         memset(room->rigid, 0, (size_t)n * sizeof(double));
         memcpy(room->rigid, q, (size_t)p->rigid * sizeof(double));
         configure(body, room->rigid, &at);
         places_in(p, &at, room->other);
     }
-    if (due(slice, third)) {
+    if (due(slice, CALLS)) {
         const double now = apart(room->moved, room->other, p->interfaces, room->error);
         room->found[REACH] = fmax(now, deflection_by(body, room->rest, room));
     }
@@ -373,17 +373,17 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
             return;
         }
         configure(shadow, room->q, &room->at);
-        if (due(slice, (double)(400 * interfaces))) {
+        if (due(slice, (double)(800 * interfaces))) {
             places_in(shadow->p, &room->at, room->other);
             apart(room->moved, room->other, interfaces, room->error);
         }
         places_by_frames(shadow, &room->at, room->plain);
-        if (due(slice, (double)(400 * interfaces))) {
+        if (due(slice, (double)(800 * interfaces))) {
             const double own = room->found[OWN], finer = apart(room->other, room->plain, interfaces, room->bent);
             room->found[WITHIN] = fmax(own - fabs(own - finer), 0.0);
         }
-        if (due(slice, (double)(2 * body->p->stretch_numbers))) room->found[FLAT] = moved_by_flattening(body, room, q);
-        if (due(slice, (double)(6 * body->p->strains * body->p->modes))) room->found[STRAIN] = body_strain(body, q);
+        if (due(slice, CALLS + (double)(2 * body->p->stretch_numbers))) room->found[FLAT] = moved_by_flattening(body, room, q);
+        if (due(slice, CALLS + (double)(6 * body->p->strains * body->p->modes))) room->found[STRAIN] = body_strain(body, q);
     } else if (!slice || slice->failed) {
         room->found[SOFT] = 0.0;
     }

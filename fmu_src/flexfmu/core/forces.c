@@ -149,7 +149,7 @@ void modal_force(const Body *body, const Loads *loads, int with_moments, const C
     const double *constant = with_moments ? loads->constant : loads->f_constant;
     const int moving = p->placement == PLACE_DEFORMED || p->ties;
     double *own = room->tense, *force = room->loads, *moment = force + 3 * n;
-    if (due(body->slice, (double)(m + 20 * n + TIE * p->ties))) {
+    if (due(body->slice, (double)(500 + m + 20 * n + TIE * p->ties))) {
         memset(out, 0, (size_t)m * sizeof(double));
         memset(force, 0, (size_t)(6 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
@@ -316,7 +316,7 @@ static void add_moving_stiffness(const Body *body, const Loads *loads, int with_
     const Program *p = body->p;
     const int64_t n = p->nodes;
     double *force = room->loads, *moment = force + 3 * n;
-    if (due(body->slice, (double)(TIE * p->ties + 18 * n + 6 * p->followers * p->modes * p->modes))) {
+    if (due(body->slice, (double)(500 + TIE * p->ties + 18 * n + 6 * p->followers * p->modes * p->modes))) {
         memset(force, 0, (size_t)(6 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED && with_moments) memcpy(moment, loads->moment, (size_t)(3 * n) * sizeof(double));

@@ -88,7 +88,7 @@ void stretch_at(const Body *body, const double *q, Stretch *at) {
         const double *x = coordinates_of(body, &forms, q, at);
         for (int64_t r = 0; r < forms.end - forms.first; r += LANES)
             four_rows(body, forms.packed + r / LANES * packed_size(k), x, at->slope + forms.slope + r * k, k);
-        if (!due(body->slice, (double)(2 * k * (forms.end - forms.first)))) continue;
+        if (!due(body->slice, (double)(4 * k * (forms.end - forms.first)))) continue;
         for (int64_t r = forms.first; r < forms.end; r++) {
             at->bent[r] = at->whole[r] = dot(at->slope + forms.slope + (r - forms.first) * k, x, k);
             if (!forms.basis) at->whole[r] += dot(p->stretch_linear + r * m, q, m);

@@ -37,7 +37,7 @@ void add_times_derivative(const Body *body, const Configuration *at, const doubl
                           double *out) {
     const Program *p = body->p;
     const int64_t rows = moving_rows(p), fours = (rows + 3) / 4;
-    const Rows now = rows_due(body->slice, fours, (double)(6 * p->modes * count));
+    const Rows now = rows_due(body->slice, fours, (double)(12 * p->modes * count));
     const int64_t first = 4 * now.at, many = now.end == fours ? rows - first : 4 * now.end - first;
     if (now.at < now.end) add_product(factors + first, 6 * p->nodes, p->operator_ + first * p->modes, out, count, many, p->modes);
     if (due(body->slice, (double)(rows * p->modes * count))) add_times_bent(body, at->turned, factors, count, scratch, out);
@@ -95,7 +95,7 @@ static void full_operator(const Body *body, const Configuration *at, double *out
         const Bend *bend = body->opened->bends + part;
         const double *basis = part_basis(p, part);
         const int64_t r = p->extent[part];
-        const Rows now = rows_due(body->slice, bend->count, (double)(basis ? r * m : m));
+        const Rows now = rows_due(body->slice, bend->count, (double)(basis ? r * m : 2 * m));
         for (int64_t k = now.at; k < now.end; k++) {
             const double *turned = at->turned + bend->start + k * r;
             double *row = out + bend->row[k] * m;
@@ -165,7 +165,7 @@ static void lever_changes(const Body *body, const double *force, const double *t
         for (int i = 0; i < 9; i++) hat[i] = -hat[i];
         apply_rows(hat, translation + k * size, change + k * size, m);
     }
-    now = rows_due(body->slice, n, (double)size);
+    now = rows_due(body->slice, n, (double)(2 * size));
     for (int64_t k = n - 1 - now.at; k > n - 1 - now.end; k--) {
         const int64_t on = p->parent[k];
         if (on >= 0)
@@ -185,7 +185,7 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
         const Bend *bend = body->opened->bends + part;
         const double *curvature = bend->curvature;
         const int64_t groups = packed_groups(r), size = packed_size(r);
-        const double cost = add_four_cost(r);
+        const double cost = packed_cost(r);
         clear_rows(square, r, rows_due(body->slice, r, cost_of_copy(r)));
         for (int64_t first = 0; first < bend->count && !over(body->slice); first += LANES, curvature += size) {
             double factors[LANES] = {0.0};

@@ -8,7 +8,7 @@
 static const double IDENTITY[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 
 /* Cost of placing a node, in multiplications. */
-enum { NODE = 200 };
+enum { NODE = 400 };
 
 void take_configuration(const Body *body, Arena *arena, Configuration *at) {
     const Program *p = body->p;
@@ -64,12 +64,12 @@ int wanted(const Program *p, const Need *need, int64_t row) {
     return !need || (node < p->nodes ? need[node].offset : need[node - p->nodes].turn);
 }
 
-/* Whole numbers; a division of these takes several times as long. */
-static double four_rows_cost(int64_t r) { return (double)(int64_t)((double)(LANES * r * r / 2) / (double)packed_groups(r)); }
+/* A number that comes from memory that is far away costs as much as four that do not. */
+double packed_cost(int64_t r) { return (double)(2 * LANES * r * r / packed_groups(r)); }
 
 void four_rows(const Body *body, const double *packed, const double *x, double *rows, int64_t r) {
     const int64_t groups = packed_groups(r);
-    const Rows now = body->slice ? rows_due(body->slice, groups, four_rows_cost(r)) : (Rows){0, groups};
+    const Rows now = body->slice ? rows_due(body->slice, groups, packed_cost(r)) : (Rows){0, groups};
     /* What goes on in another call waits in its place. */
     double *four = body->slice ? rows : body->scratch.four;
     if (now.at == now.end) return;
@@ -79,11 +79,9 @@ void four_rows(const Body *body, const double *packed, const double *x, double *
     unpack(body->scratch.four, rows, r);
 }
 
-double add_four_cost(int64_t r) { return (double)(LANES * r * r / packed_groups(r)); }
-
 void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r) {
     const int64_t groups = packed_groups(r);
-    const Rows now = rows_due(body->slice, groups, add_four_cost(r));
+    const Rows now = rows_due(body->slice, groups, packed_cost(r));
     if (now.at < now.end && !all_zero(factors, LANES)) add_packed(factors, packed, out, r, now.at, now.end);
 }
 
@@ -95,7 +93,7 @@ void turn_rows(const Body *body, const Need *need, const double *bent, double *t
         const double *curvature = bend->curvature;
         const int64_t groups = packed_groups(r);
         if (!need && passed(body->slice, groups * ((bend->count + LANES - 1) / LANES))) continue;
-        const double cost = body->slice ? four_rows_cost(r) : 0.0;
+        const double cost = body->slice ? packed_cost(r) : 0.0;
         for (int64_t first = 0; first < bend->count && !over(body->slice); first += LANES, curvature += size) {
             int any = !need;
             if (!need && dealt_with(body->slice, groups, cost)) continue;
@@ -147,7 +145,7 @@ static void place(const Program *p, const Need *need, Configuration *at) {
 void configure_linear(const Body *body, const Need *need, const double *q, Configuration *at) {
     const Program *p = body->p;
     const int64_t size = 6 * p->nodes, fours = (p->modes + 3) / 4;
-    const Rows now = rows_due(body->slice, fours, (double)(6 * size));
+    const Rows now = rows_due(body->slice, fours, (double)(12 * size));
     const int64_t first = 4 * now.at, count = now.end == fours ? p->modes - first : 4 * now.end - first;
     if (now.at == 0 && count > 0) {
         if (at->q != q) memcpy(at->q, q, (size_t)p->modes * sizeof(double));

@@ -43,6 +43,6 @@ void turn_rows(const Body *body, const Need *need, const double *bent, double *t
 void four_rows(const Body *body, const double *packed, const double *x, double *rows, int64_t r);
 void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r);
 /* Cost of a piece of the latter, of which there are as many as groups. */
-double add_four_cost(int64_t r);
+double packed_cost(int64_t r);
 
 #endif
