@@ -259,10 +259,7 @@ void smallest_eigen(double *a, double *work, double *value, double *vector, int6
         const double middle = 0.5 * (bounds[0] + bounds[1]);
         bounds[!pivots(a, off, middle, 1, down, n)] = middle;
     }
-    if (due(slice, (double)(60 * n))) {
-        *value = 0.5 * (bounds[0] + bounds[1]);
-        pivots(a, off, *value, 1, down, n);
-    }
+    if (due(slice, (double)(60 * n))) pivots(a, off, *value = 0.5 * (bounds[0] + bounds[1]), 1, down, n);
     if (due(slice, (double)(90 * n))) {
         int64_t best = 0;
         pivots(a, off, *value, -1, up, n);
