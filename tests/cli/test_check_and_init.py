@@ -14,7 +14,7 @@ from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.suggest import bores, likely_mesh, starting_body_file
 from flexfmu.commands.cli import app
-from flexfmu.files.basics import AccuracyError, BodyFileError
+from flexfmu.files.basics import AccuracyError, BodyFileError, UnitSystem
 from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
@@ -329,6 +329,15 @@ def test_units_that_are_none_are_answered_with_those_that_are(bar):
     with pytest.raises(BodyFileError, match=r"units are 'mm', expected one of 'm-kg-s', 'mm-t-s', 'in-lbf-s'"):
         read_mesh(bar, "mm")
     assert "expected one of 'm-kg-s'" in run("init", bar, "--units", "mm").output
+
+
+def test_init_takes_nodes_that_a_file_names_twice_once():
+    """As gmsh does of physical groups: the group's name, and the surface's."""
+    mesh = box(ElementType.C3D20, (4, 1, 1), (0.4, 0.04, 0.04))
+    again = {"Surface2": mesh.node_sets["TIP"][::-1], "Surface1": mesh.node_sets["ROOT"]}
+    sets = {name: mesh.node_sets[name] for name in ("ROOT", "TIP")} | again
+    written = tomllib.loads(starting_body_file(checked(replace(mesh, node_sets=sets)), Path("bar.inp"), UnitSystem.SI))
+    assert [table["nodes"] for name in ("support", "interface") for table in written[name]] == ["ROOT", "TIP"]
 
 
 def test_init_takes_beams_with_a_corner_for_one_body(tmp_path):

@@ -329,7 +329,9 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
 
 def _named_ends(mesh: Mesh) -> _Ends | None:
     """Sets on the surface whose names say that they are held, and others apart from these and from joints, by name."""
-    ends = {name: rows for name, rows in mesh.node_sets.items() if len(rows) and not elements_within(mesh, rows).size}
+    # Exporters write a named set's nodes once more as those of a face.
+    once = {np.unique(rows).tobytes(): (name, rows) for name, rows in [*mesh.node_sets.items()][::-1] if len(rows)}
+    ends = {name: rows for name, rows in reversed(once.values()) if not elements_within(mesh, rows).size}
     held = [name for name in ends if _FIXED.search(name)]
     joined = [] if mesh.equations is None else mesh.equations.indices // 3
     taken = [node for name in held for node in ends[name]]
