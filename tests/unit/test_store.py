@@ -304,6 +304,15 @@ def test_the_longest_unused_entries_make_room(tmp_path, monkeypatch):
     assert len(list(tmp_path.glob("*.npz"))) == 3
 
 
+def test_a_large_folder_is_not_looked_through_for_each_small_entry(tmp_path, monkeypatch):
+    looked = []
+    monkeypatch.setattr(Store, "_make_room", staticmethod(looked.append))
+    store = Store(tmp_path)
+    for number in range(5):
+        store.arrays(content_key("flexfmu.files.store", number), "numbers", Reporter(), lambda: {"x": np.zeros(1000)})
+    assert looked == [tmp_path]
+
+
 def test_the_environment_names_the_folder_or_turns_it_off(monkeypatch, tmp_path):
     monkeypatch.setenv("FLEXFMU_CACHE", str(tmp_path))
     assert default_folder() == tmp_path

@@ -6,6 +6,7 @@ What computes nothing does not count: the room of files, comments, docstrings, a
 
 import ast
 import hashlib
+import math
 import os
 import sys
 import zipfile
@@ -222,6 +223,7 @@ class Store:
     def __init__(self, folder: Path | None = None):
         self.folder = folder
         self._last: dict[str, tuple[str, Any]] = {}
+        self._unseen = math.inf  # bytes written since the folder was last looked through
 
     def last(self, kind: str, key: str, make: Callable[[], Any]) -> Any:
         """What was made last of a kind, if it was for this key; else make it: there is room for one factorisation."""
@@ -285,7 +287,11 @@ class Store:
             with whole_file(path) as part, part.open("wb") as file:
                 contents: dict[str, Any] = {_CHECK: np.array(_checksum(key, arrays)), **arrays}
                 np.savez(file, **contents)
-            self._make_room(path.parent)
+            self._unseen += path.stat().st_size
+            # To look through thousands of entries takes longer than to write one.
+            if self._unseen > _LARGEST / 100:
+                self._make_room(path.parent)
+                self._unseen = 0.0
 
     @staticmethod
     def _make_room(folder: Path) -> None:
