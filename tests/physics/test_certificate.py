@@ -203,7 +203,7 @@ def test_beyond_the_limit_of_the_error_a_step_is_refused_or_a_line_is_written_on
     for action in ("warn", "discard"):
         driven = Driven(one_frame.reduced, tmp_path, **{"watch.error.on_limit": action, "watch.error.limit": 1e-3})
         driven.set(**{"tip.force.z": 1200.0})
-        found = [driven.step(step) for _ in range(50)]
+        found = [driven.step(step) for _ in range(100)]
         lines = [text for _, text in driven.log if "off by" in text]
         assert "interface 'tip'" in lines[0]
         # The estimate, and what is larger: its bound, which has the limit.
@@ -214,7 +214,7 @@ def test_beyond_the_limit_of_the_error_a_step_is_refused_or_a_line_is_written_on
         assert found[:2] == [OK, OK]
         if action == "warn":
             assert len(lines) == 1
-            assert found == [OK] * 50
+            assert found == [OK] * 100
         else:
             assert found[-1] == DISCARD
             assert driven.get("diagnostics.error")[0] < 1.3e-3

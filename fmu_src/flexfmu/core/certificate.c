@@ -356,12 +356,19 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
     return 1;
 }
 
+/* Whether a shadow has joints where the body has closed loops; springs to the ground are none. */
+static int has_opened(const Program *s, const Program *p) {
+    for (int64_t t = 0; t < s->ties && s->ties > p->ties; t++)
+        if (s->parent[s->nodes - s->ties + t] >= 0) return 1;
+    return 0;
+}
+
 void pieces_of_error(Body *body, Body *shadow, const double *inputs, const double *q, Arena arena, Slice *slice) {
     const int64_t interfaces = body->p->interfaces;
     Room *room = room_in(shadow, &arena, slice);
     /* Joints of a shadow with loops opened were loops of the body, which a first step closes. Motion of first order stretches
      * the shadow so much that the first step leads back little of the way. */
-    const int again = shadow->p->ties > body->p->ties || !body->p->curved;
+    const int again = has_opened(shadow->p, body->p) || !body->p->curved;
     shadow->slice = slice;
     if (due(slice, 0.0)) {
         memset(room->found, 0, FOUND * sizeof(double));
@@ -394,7 +401,7 @@ void error_found(const Body *body, const Body *shadow, Arena arena, double *erro
     const Program *p = body->p;
     const Room *room = room_in(shadow, &arena, 0);
     const double *found = room->found;
-    const int opened = shadow->p->ties > p->ties;
+    const int opened = has_opened(shadow->p, p);
     *deflection = fmax(*deflection, found[REACH]);
     *share = *bound = share_of(p, room->error, *deflection);
     /* A shadow with loops opened: its frames are others, and joints that a step closes pull. */

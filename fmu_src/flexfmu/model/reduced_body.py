@@ -141,6 +141,11 @@ class Ties:
     stiffness: FloatArray
     lever: FloatArray
 
+    @property
+    def joins(self) -> bool:
+        """Whether any joins two sections."""
+        return bool(np.any(self.frame[:, 1] != GROUND))
+
 
 @dataclass(frozen=True, slots=True)
 class SecondOrder:

@@ -363,6 +363,8 @@ def _put_turns(draft: Draft, body: ReducedBody) -> None:
 
 # Of a body with closed loops, whose error a shadow with loops opened tells.
 _CUT = 'build with cut = "auto" (with constant mass): its loops stay closed'
+# Of a body on springs, whose error a shadow tells that holds them as joints.
+_BUSHING = "give supports with stiffness rotational_stiffness: springs of nodes resist turns too much"
 
 
 def advice(body: ReducedBody, recipe: Recipe, missed: str = "", source: str = "") -> bytes:
@@ -378,7 +380,7 @@ def against_error(body: ReducedBody, recipe: Recipe) -> str:
         held = body.second is not None and body.frame_count
         return f'{"take" if held else "build with frames and"} method = "second_order"'
     if body.ties is None and body.shadow is not None and body.shadow.body.ties is not None:
-        return _CUT
+        return _CUT if body.shadow.body.ties.joins else _BUSHING
     return "build with more frames, more modes, or residual_flexibility = true"
 
 

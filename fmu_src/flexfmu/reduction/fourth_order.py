@@ -110,9 +110,12 @@ class FourthOrder:
     Attributes
     ----------
     matrices : Matrices
+    tied : bool
+        Whether a tree holds springs of supports as joints: then what they resist at second order is left to it.
     """
 
     matrices: Matrices
+    tied: bool = False
 
     @property
     def _mesh(self) -> Mesh:
@@ -141,7 +144,8 @@ class FourthOrder:
         own = 0.5 * bushings.curvature(fields)[:, pairs[:, 0], pairs[:, 1]]
         forces, energies = forces + bushings.rows.T @ own, energies + own.T @ own
         free = self.matrices.supported.forces(forces)
-        return 0.5 * (energies - self.released(free, f"Static response to {count} stretches")), forces
+        released = self.released(free, f"Static response to {count} stretches", self.tied)
+        return 0.5 * (energies - released), forces
 
     def flattening_forces(self, fields: FloatArray, pairs: IntArray) -> FloatArray:
         """Forces on free degrees of freedom by which stress that turns with its material flattens sections.
@@ -164,17 +168,25 @@ class FourthOrder:
             forces = turned_stress(mesh, fields, applied, pairs, tell)
         return model.forces(without_resultants(mesh.points, forces, slices(mesh, self.matrices.model.anchored)))
 
-    def released(self, forces: FloatArray, title: str) -> FloatArray:
-        """Work (p, p) of nodal forces on free degrees of freedom (k, p) over the displacements that they make."""
+    def released(self, forces: FloatArray, title: str, tied: bool = False) -> FloatArray:
+        """Work (p, p) of nodal forces on free degrees of freedom (k, p) over the displacements that they make.
+
+        Where springs of supports are `tied`, with twice the energy of these.
+        """
         model, count = self.matrices.supported, forces.shape[1]
-        result = np.empty((count, count))
+        spring = self.matrices.model.spring.ravel()
+        sprung = np.flatnonzero(spring) if tied else np.zeros(0, dtype=np.int64)
+        result, pulled = np.empty((count, count)), np.empty((sprung.size, count))
         with self.matrices.report.counted(title, count, "solutions") as tell:
             for first in range(0, count, _COLUMNS):
                 part = slice(first, first + _COLUMNS)
-                result[first:, part] = forces[:, first:].T @ model.static(forces[:, part])
+                moved = model.static(forces[:, part])
+                result[first:, part] = forces[:, first:].T @ moved
+                if sprung.size:
+                    pulled[:, part] = np.sqrt(spring[sprung, None]) * model.whole(moved)[sprung]
                 tell(min(first + _COLUMNS, count))
         # What is above the diagonal was not asked for.
-        return np.tril(result) + np.tril(result, -1).T
+        return np.tril(result) + np.tril(result, -1).T + pulled.T @ pulled
 
     def turns(self, forces: FloatArray, known: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotation (p,) of the material, rms over its volume, in static responses to nodal forces (3n, p).

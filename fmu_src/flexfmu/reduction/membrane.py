@@ -76,15 +76,18 @@ class Stretching:
         Those of frequency zero are rigid motions, which stretch nothing.
     loads : (3n, l) float
         Nodal forces of unit loads on the interfaces: of all forces, then of all moments.
+    tied : bool
+        As of `FourthOrder`.
     """
 
     matrices: Matrices
     modes: Modes
     loads: FloatArray
+    tied: bool = False
 
     @cached_property
     def _fourth(self) -> FourthOrder:
-        return FourthOrder(self.matrices)
+        return FourthOrder(self.matrices, self.tied)
 
     @cached_property
     def _elastic(self) -> IntArray:
@@ -255,13 +258,15 @@ def membrane_energy(
         )
     if not stretched and not flattened:
         return None
-    key = content_key(__name__, modes_key, stretching.loads, keep_shapes, stretched, flattened, least)
+    key = content_key(__name__, modes_key, stretching.loads, stretching.tied, keep_shapes, stretched, flattened, least)
 
     def make() -> dict[str, FloatArray]:
         made = stretching.membrane(stretched, flattened, keep_shapes, least)
         return {"quadratic": made.quadratic, "linear": made.linear, "sign": made.sign}
 
     membrane = Membrane(**matrices.store.arrays(key, "membrane energy", report, make))
+    if not membrane.sign.size:
+        return None
     report.detail(membrane.words)
     return membrane
 

@@ -266,11 +266,6 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
             springs.append(_bushing(mesh, nodes, support, f"support[{number}]"))
             mesh = replace(mesh, notes=(*mesh.notes, springs[-1].words))
             continue
-        if support.stiffness and nodes.size > 1:
-            text = (
-                f"support[{number}]: its springs resist turns to 1 % up to 0.1 rad; rotational_stiffness has no limit"
-            )
-            mesh = replace(mesh, notes=(*mesh.notes, text))
         for array, values in ((spring, support.stiffness), (damper, support.damping)):
             array[nodes] += np.array(values or (0.0, 0.0, 0.0)) / nodes.size
     mesh = replace(mesh, springs=tuple(springs))

@@ -40,7 +40,7 @@ from .bodies import (
     shadow_options,
     whole_frame,
 )
-from .cut.cut import Spring
+from .cut.cut import Spring, ground_springs
 from .masses import Centre, element_lumps, lumped_mass, mass_centres, sub_masses
 from .membrane import Stretching, membrane_energy
 from .model import Model
@@ -192,6 +192,10 @@ def _shadow(divided: _Divided, basis: _Basis, every: FloatArray, stretches: bool
         added.append(kept("displacements of second order", turning_loads, matrices.key, loads))
     modes, key = completed_basis(matrices, basis.modes, basis.key, np.hstack(added))
     again = _divided(finer, model, matrices.report, divided.springs, divided.cut)
+    turning = [] if divided.cut or model.rigid.size else [one for _, one in ground_springs(model, finer.supports)]
+    if all(_in_one_frame(one, again.subdomains) for one in turning):
+        # Springs at turned nodes pull less than their linear energy says.
+        again = replace(again, springs=(*again.springs, *turning))
     own = _Basis(matrices, modes, key, frame_operators(model.mesh.points, modes.shapes, again.subdomains))
     return _reduced(again, own), own
 
@@ -408,7 +412,7 @@ def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) 
 
 def _membrane(divided: _Divided, basis: _Basis, loads: FloatArray) -> Membrane | None:
     """The energy of fourth order, where it is wanted and the body holds any; parts of a cut one keep no shapes."""
-    stretching = Stretching(basis.matrices, basis.modes, loads)
+    stretching = Stretching(basis.matrices, basis.modes, loads, bool(divided.springs))
     membrane = membrane_energy(stretching, basis.key, divided.config.membrane, not divided.cut)
     if membrane is not None and divided.open_loops:
         count, do = len(divided.subdomains), 'take frames = 1, or cut = "auto"'
@@ -449,8 +453,14 @@ def _surface_fields(basis: _Basis, loads: FloatArray) -> tuple[FloatArray, Float
     return kept["fields"], kept["forms"]
 
 
+def _in_one_frame(spring: Spring, subdomains: Sequence[Subdomain]) -> bool:
+    """Whether the nodes of a spring turn together, as its joint does."""
+    frame = carrying_frame(subdomains, spring.nodes)
+    return frame >= 0 and bool(np.isin(spring.nodes, subdomains[frame].body.nodes).all())
+
+
 def _springs(divided: _Divided, basis: _Basis) -> Ties | None:
-    """Springs to the ground of a part of a cut body: they pull along the axes wherever the part turns."""
+    """Springs to the ground as joints: they pull along the axes wherever their frame turns."""
     mesh, shapes = divided.model.mesh, basis.modes.shapes
     found = []
     for spring in divided.springs:

@@ -123,6 +123,7 @@ def own_error(body: ReducedBody) -> str:
         size = f"up to {100.0 * found.relative:.2g} %" if found.relative < _WRONG else f"more than {100.0 * _WRONG:g} %"
         words = f"{size} under {np.linalg.norm(force):.3g} N on {name}, which moves by {moved:.3g} m"
         worst = max(worst, (found.relative, words))
-    hint = f"; {'more frames or modes' if body.ties or not body.shadow.body.ties else 'a cut'} or --tolerance lower it"
+    opened = not body.ties and body.shadow.body.ties is not None and body.shadow.body.ties.joins
+    hint = f"; {'a cut' if opened else 'more frames or modes'} or --tolerance lower it"
     hint *= worst[0] > (body.tolerance or parameter("ERROR_LIMIT").start)
     return worst[1] and f"own estimate of its error: {worst[1]}{hint}"

@@ -3,7 +3,7 @@
 Elements on one side of a section keep its nodes, those on the other get copies of them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -373,31 +373,45 @@ def _has(sets: Mapping[str, IntArray], name: str) -> bool:
     return any(known.lower() == name.lower() for known in sets)
 
 
+def ground_springs(model: Model, supports: Sequence[SupportNodes]) -> Iterator[tuple[int, Spring]]:
+    """Springs of supports, no node twice, with the supports' numbers.
+
+    Parameters
+    ----------
+    model : Model
+    supports : sequence of SupportNodes
+        Places are names by now.
+
+    Yields
+    ------
+    int, Spring
+    """
+    mesh, done = model.mesh, np.zeros(len(model.mesh.points), dtype=bool)
+    for number, table in enumerate(supports, start=1):
+        if table.stiffness is None or not isinstance(table.nodes, str) or not _has(mesh.node_sets, table.nodes):
+            continue
+        members = node_set(mesh, table.nodes, f"support[{number}].nodes")
+        # What several supports put on a node is all with the first.
+        nodes = members[~done[members] & (model.spring[members] > 0.0).any(axis=1)]
+        done[nodes] = True
+        if nodes.size:
+            yield number, Spring(nodes, model.spring[nodes].sum(axis=0), None)
+
+
 def _springs(model: Model, supports: Sequence[SupportNodes]) -> tuple[Model, tuple[Spring, ...]]:
     """Springs of a part, and the model without those that its frames do not hang on.
 
     Stiff meshes on soft springs make poor matrices, and nothing is lost: a spring is an internal interface then.
     """
-    mesh, done = model.mesh, np.zeros(len(model.mesh.points), dtype=bool)
-    sets, stays, found = dict(mesh.node_sets), model.spring.copy(), []
-    for number, table in enumerate(supports, start=1):
-        # Places are names by now.
-        if table.stiffness is None or not isinstance(table.nodes, str) or not _has(sets, table.nodes):
-            continue
-        members = node_set(mesh, table.nodes, f"support[{number}].nodes")
-        # No node twice: what several supports put on it is all with the first.
-        nodes = members[~done[members] & (model.spring[members] > 0.0).any(axis=1)]
-        done[nodes] = True
-        if not nodes.size:
-            continue
-        fitted = by_node(nodes)
+    mesh, sets, stays, found = model.mesh, dict(model.mesh.node_sets), model.spring.copy(), []
+    for number, spring in ground_springs(model, supports):
+        fitted = by_node(spring.nodes)
         _, rank = rigid_fit(mesh.points, fitted, fitted.centre(mesh.points))
-        loose = rank == _RIGID_MOTIONS and not np.intersect1d(nodes, model.held).size
-        name = f"springs of support[{number}] at {table.nodes}" if loose else None
-        if name is not None:
-            sets[name] = nodes
-            stays[nodes] = 0.0
-        found.append(Spring(nodes, model.spring[nodes].sum(axis=0), name))
+        if rank == _RIGID_MOTIONS and not np.intersect1d(spring.nodes, model.held).size:
+            name = f"springs of support[{number}] at {supports[number - 1].nodes}"
+            spring, sets[name] = replace(spring, interface=name), spring.nodes
+            stays[spring.nodes] = 0.0
+        found.append(spring)
     motions = free_motions(mesh.points, model.fixed | (stays > 0.0), model.bushings.unit_rows)
     return Model(replace(mesh, node_sets=sets), model.fixed, stays, motions, model.damper), tuple(found)
 
