@@ -257,6 +257,21 @@ static double deflection_by(const Body *body, const double *force, Room *room) {
 /* Errors that are none but round-off, over the deflection and over the size of the body. */
 static const double OF_DEFLECTION = 1e-9, OF_SIZE = 1e-13;
 
+/* Where interfaces turn about themselves their deflection is that at an arm, of so much of the body's size. */
+static const double ARM = 0.01;
+
+/* The deflection of interfaces that are moved and turned by distances and angles (I, 2), of which `largest` is the largest. */
+static double reach_of(const Program *p, const double *by, double largest) {
+    double angle = 0.0, size = 0.0;
+    for (int64_t i = 0; i < p->interfaces; i++) {
+        double from[3];
+        for (int c = 0; c < 3; c++) from[c] = p->point[3 * (p->frames + i) + c] - p->point[c];
+        size = fmax(size, norm(from, 3));
+        angle = fmax(angle, by[2 * i + 1]);
+    }
+    return fmax(largest, ARM * size * angle);
+}
+
 /* The largest error over a deflection; 0 of a body at rest. */
 static double share_of(const Program *p, const double *error, double deflection) {
     double size = 0.0, largest = 0.0;
@@ -264,6 +279,7 @@ static double share_of(const Program *p, const double *error, double deflection)
         size = fmax(size, norm(p->point + 3 * (p->frames + i), 3));
         largest = fmax(largest, error[2 * i]);
     }
+    largest = reach_of(p, error, largest);
     return largest > fmax(OF_DEFLECTION * deflection, OF_SIZE * size) ? largest / fmax(deflection, OF_SIZE * size) : 0.0;
 }
 
@@ -350,7 +366,8 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
     }
     if (due(slice, CALLS)) {
         const double now = apart(room->moved, room->other, p->interfaces, room->error);
-        room->found[REACH] = fmax(now, deflection_by(body, room->rest, room));
+        const double reach = reach_of(p, room->error, now);
+        room->found[REACH] = fmax(reach, deflection_by(body, room->rest, room));
     }
     leave_block(slice, began, room->blocks + BODY);
     return 1;
