@@ -19,6 +19,7 @@ from flexfmu.program.mechanics import against_error
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.model import assemble_model
 from flexfmu.study.scene.whole_model import finite_motion
+from flexfmu.study.smallest import own_error
 from meshes import box, with_sets
 from turns import exponential
 
@@ -115,6 +116,7 @@ def test_a_body_in_one_piece_knows_how_far_springs_of_nodes_turn_it():
     assert 0.7 * missed < body.error(state, loads).rotation[0] < 1.3 * missed
     assert body.error(state, loads).relative > 0.02
     assert "rotational_stiffness" in against_error(body.model, recipe_of(Method.SECOND_ORDER))
+    assert "rotational_stiffness of its supports or --tolerance" in own_error(body.model)
 
 
 def test_frequencies_are_those_of_a_rigid_body_on_six_springs():

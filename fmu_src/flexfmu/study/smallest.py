@@ -123,7 +123,8 @@ def own_error(body: ReducedBody) -> str:
         size = f"up to {100.0 * found.relative:.2g} %" if found.relative < _WRONG else f"more than {100.0 * _WRONG:g} %"
         words = f"{size} under {np.linalg.norm(force):.3g} N on {name}, which moves by {moved:.3g} m"
         worst = max(worst, (found.relative, words))
-    opened = not body.ties and body.shadow.body.ties is not None and body.shadow.body.ties.joins
-    hint = f"; {'a cut' if opened else 'more frames or modes'} or --tolerance lower it"
+    ties = None if body.ties is not None else body.shadow.body.ties
+    do = "more frames or modes" if ties is None else "a cut" if ties.joins else "rotational_stiffness of its supports"
+    hint = f"; {do} or --tolerance lower it"
     hint *= worst[0] > (body.tolerance or parameter("ERROR_LIMIT").start)
     return worst[1] and f"own estimate of its error: {worst[1]}{hint}"
