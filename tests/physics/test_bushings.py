@@ -104,7 +104,7 @@ def test_a_cut_body_turns_on_springs_of_nodes_as_a_rigid_one():
 
 
 def test_a_body_in_one_piece_knows_how_far_springs_of_nodes_turn_it():
-    """They are linear: of a bar that is turned by a force across its tip by 0.4 rad, they resist 9 % too much."""
+    """They are linear: of a bar that a moment turns by 0.4 rad, they resist 9 % too much."""
     config, _ = on_springs("ROOT", interfaces={"tip": "TIP"})
     body = config.build(surface=False)
     mesh = bar()
@@ -117,6 +117,48 @@ def test_a_body_in_one_piece_knows_how_far_springs_of_nodes_turn_it():
     assert body.error(state, loads).relative > 0.02
     assert "rotational_stiffness" in against_error(body.model, recipe_of(Method.SECOND_ORDER))
     assert "rotational_stiffness of its supports or --tolerance" in own_error(body.model)
+
+
+def test_springs_are_no_opened_loops_where_a_load_is_near_a_critical_one():
+    """Pressed by 0.7 of what tips it over its springs, a bar knows its error to 1.25/√0.3."""
+    config, _ = on_springs("ROOT", interfaces={"tip": "TIP"})
+    body, mesh = config.build(surface=False), config.mesh
+    across = mesh.points[mesh.node_sets["ROOT"]][:, 1]
+    critical = 1e4 * np.var(across) / LENGTH
+    loads = {"tip": [-0.7 * critical, 0.02 * critical, 0.0, 0.0, 0.0, 0.0]}
+    error = body.error(body.static(loads), loads)
+    assert error.bound == pytest.approx(1.25 / np.sqrt(0.3) * error.relative, rel=0.05)
+
+
+def whole_model(config, loads):
+    """Displacement of the only interface under a force by finite elements."""
+    spec, mesh = config.spec, config.mesh
+    model = assemble_model(mesh, spec.options)
+    interface = fit_interface(spec.options.interfaces[0], model.mesh, [])
+    load = interface.nodal_loads(len(mesh.points)) @ loads[interface.name]
+    path = load_path(model.mesh, model.unknowns, model.spring, load, [1.0], Reporter())
+    return finite_motion(interface, model.mesh.points, path.displacement[0])[:3]
+
+
+@pytest.mark.parametrize(("held", "force", "off"), [(["ROOT"], 30.0, 0.018), ([], 200.0, 0.004)])
+def test_a_strip_on_a_bed_knows_how_far_its_springs_turn_it(held, force, off):
+    """Nodes of one frame pull together; where all nodes lie on springs there is no way along the body to count."""
+    mesh = with_sets(box(ElementType.C3D20R, (16, 1, 1), (1.0, 0.02, 0.004)), BED=lambda p: np.zeros(len(p)))
+    bed = flexfmu.Support("BED", stiffness=[1e2 if held else 1e4] * 3)
+    config = flexfmu.Body(mesh, supports=[*held, bed], interfaces={"tip": "TIP"})
+    body, loads = config.build(surface=False), {"tip": [0.0, 0.0, force, 0.0, 0.0, 0.0]}
+    state, expected = body.static(loads), whole_model(config, loads)
+    missed = np.linalg.norm(body.response(state).displacement[0] - expected)
+    assert missed == pytest.approx(off * np.linalg.norm(expected), rel=0.15)
+    assert 0.3 * missed < body.error(state, loads).displacement[0] < 1.2 * missed
+
+
+def test_a_hinged_body_on_springs_knows_its_error():
+    mesh = with_sets(bar(), AXIS=lambda p: np.abs(p[:, 1] - p[:, 1].min()) + np.abs(p[:, 2] - p[:, 2].min()))
+    supports = [flexfmu.Support("AXIS", fix=["y", "z"]), flexfmu.Support("ROOT", stiffness=[1e5, 0.0, 0.0])]
+    body = flexfmu.Body(mesh, supports=supports, interfaces={"tip": "TIP"}, free=True).build(surface=False)
+    loads = {"tip": [500.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
+    assert body.error(body.step(body.rest(), loads, 1e-3), loads).relative < 1e-4
 
 
 def test_frequencies_are_those_of_a_rigid_body_on_six_springs():

@@ -97,7 +97,8 @@ def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
         gap = np.linalg.norm(mesh.points[joined.row] - mesh.points[joined.col], axis=1)
         gap = np.maximum(gap, _TOUCHING * np.ptp(mesh.points))
         graph = graph.maximum(sp.csr_array(sp.coo_array((gap, (joined.row, joined.col)), graph.shape)))
-    return dijkstra(graph, directed=False, indices=sources, min_only=True)
+    distance = dijkstra(graph, directed=False, indices=sources, min_only=True)
+    return distance if distance.any() else np.ones(size)
 
 
 @once

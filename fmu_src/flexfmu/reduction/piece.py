@@ -49,7 +49,7 @@ from .options import BodyOptions, BodyUse, element_set
 from .rigid_fit import by_node, modal_fit
 from .second_order import node_readings, second_order
 from .subdomains import FrameOperators, Subdomain, carrying_frame, frame_operators
-from .surface import body_surface, second_order_fields, surface_nodes
+from .surface import body_surface, carrying_frames, second_order_fields, surface_nodes
 from .watched import watched_material
 
 # Share of an interface's nodes outside the frame that carries it which is worth a warning.
@@ -192,9 +192,9 @@ def _shadow(divided: _Divided, basis: _Basis, every: FloatArray, stretches: bool
         added.append(kept("displacements of second order", turning_loads, matrices.key, loads))
     modes, key = completed_basis(matrices, basis.modes, basis.key, np.hstack(added))
     again = _divided(finer, model, matrices.report, divided.springs, divided.cut)
-    turning = [] if divided.cut or model.rigid.size else [one for _, one in ground_springs(model, finer.supports)]
-    if all(_in_one_frame(one, again.subdomains) for one in turning):
+    if not divided.cut and not model.rigid.size:
         # Springs at turned nodes pull less than their linear energy says.
+        turning = [part for _, one in ground_springs(model, finer.supports) for part in _by_frame(one, again)]
         again = replace(again, springs=(*again.springs, *turning))
     own = _Basis(matrices, modes, key, frame_operators(model.mesh.points, modes.shapes, again.subdomains))
     return _reduced(again, own), own
@@ -453,10 +453,11 @@ def _surface_fields(basis: _Basis, loads: FloatArray) -> tuple[FloatArray, Float
     return kept["fields"], kept["forms"]
 
 
-def _in_one_frame(spring: Spring, subdomains: Sequence[Subdomain]) -> bool:
-    """Whether the nodes of a spring turn together, as its joint does."""
-    frame = carrying_frame(subdomains, spring.nodes)
-    return frame >= 0 and bool(np.isin(spring.nodes, subdomains[frame].body.nodes).all())
+def _by_frame(spring: Spring, divided: _Divided) -> list[Spring]:
+    """A spring's nodes, those that turn together by themselves."""
+    frame = carrying_frames(len(divided.model.mesh.points), divided.subdomains)[spring.nodes]
+    found = [spring.nodes[frame == own] for own in np.unique(frame)]
+    return [replace(spring, nodes=nodes, stiffness=divided.model.spring[nodes].sum(axis=0)) for nodes in found]
 
 
 def _springs(divided: _Divided, basis: _Basis) -> Ties | None:
