@@ -261,7 +261,7 @@ def stiffness(mesh: Mesh) -> sp.csr_array:
     """
     size = 3 * len(mesh.points)
     cells = elastic_cells(mesh, CHUNK, means=True)
-    total = summed(assembled(some.nodes, some.eliminated(some.stiffness())[0], size) for some in cells)
+    total = summed(assembled(some.nodes, some.eliminated(some.elastic)[0], size) for some in cells)
     node, share = mesh.mixed
     moved: FloatArray = np.bincount(node.ravel(), share.ravel()).astype(float)
     return _without_forces_of_translations(sp.csr_array(0.5 * (total + total.T)), moved)

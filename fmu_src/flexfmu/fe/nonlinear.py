@@ -134,7 +134,8 @@ class _Body:
 
 def _tangent(part: Cells, slopes: FloatArray, work: FloatArray) -> FloatArray:
     """Derivative (e, 3(a + b), 3(a + b)) of those forces."""
-    result, geometric = part.stiffness(slopes), part.geometric(work)
+    strain, geometric = part.operator(slopes), part.geometric(work)
+    result = strain.swapaxes(1, 2) @ part.work(strain)
     for axis in range(3):
         result[:, axis::3, axis::3] += geometric
     return result

@@ -59,7 +59,7 @@ class ShellRule:
 shell_rule = cache(ShellRule)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ShellCells(Cells):
     """Shells of one type, or beams, for their stiffness.
 
