@@ -274,3 +274,48 @@ def test_the_decks_are_those_of_the_script():
     for name in INTERFACES:
         mesh = read_mesh(Path(HERE) / f"{name}.inp", SI)
         assert {*FEET, INTERFACES[name].upper()} <= set(mesh.node_sets)
+
+
+@pytest.fixture(scope="module")
+def spider(tmp_path_factory):
+    """Body file, by keys of it, of a rigid hub on three curved arms that are held outside, 0.2 m wide."""
+    count = 8
+
+    def place(p):
+        arm = np.floor(p[:, 0] / (count + 1))
+        share = (p[:, 0] - (count + 1) * arm) / count
+        reach = 0.04 + 0.06 * share + 0.003 * (p[:, 1] / 2.0 - 0.5)
+        angle = 2.0 * np.pi / 3.0 * arm + 2.4 * share
+        return np.column_stack([reach * np.cos(angle), reach * np.sin(angle), 0.006 * (0.5 - p[:, 2] / 2.0)]).round(9)
+
+    arms = np.concatenate([grid(count, 2, 2) + np.array([(count + 1) * k, 0, 0]) for k in range(3)])
+    mesh = with_sets(
+        lattice(ElementType.C3D20R, arms, place),
+        HUB=lambda p: np.maximum(np.hypot(p[:, 0], p[:, 1]) - 0.042, 0.0),
+        ENDS=lambda p: np.maximum(0.098 - np.hypot(p[:, 0], p[:, 1]), 0.0),
+    )
+    deck = write_deck(mesh, tmp_path_factory.mktemp("spider") / "spider.inp")
+    rigid = "*NODE\n9001, 0., 0., 0.\n9002, 0., 0., 0.\n*RIGID BODY, NSET=HUB, REF NODE=9001, ROT NODE=9002\n"
+    deck.write_text(deck.read_text() + rigid)
+
+    def file(**keys):
+        tables = {"name": "spider", "mesh": {"file": deck}, "support": [{"nodes": "ENDS", "fix": ["x", "y", "z"]}]}
+        return BodyFile.model_validate(tables | {"interface": [{"name": "hub", "nodes": "RIGID BODY 1"}]} | keys)
+
+    return file
+
+
+# Forces on the hub, N, and how CalculiX 2.20 says that it moves (NLGEOM, the same deck), m.
+HUB = {
+    "along": ([0.0, 0.0, 800.0], [0.0, 0.0, 18.79789e-3]),
+    "across": ([1200.0, 400.0, 0.0], [12.9169e-3, 4.82409e-3, 0.0]),
+}
+
+
+@pytest.mark.parametrize("cut", [None, "auto"])
+def test_three_arms_at_a_rigid_hub_are_cut_at_two(spider, cut):
+    """The third holds the hub: by itself 0.06 and 0.4 % off, in one piece 5 and 4; with a frame an arm 0.1 and 1.4."""
+    body = FlexibleBody(reduce_body(spider(**({} if cut is None else {"cut": cut})), Reporter()))
+    assert len(body.model.ties.stiffness) == 2
+    for force, expected in HUB.values():
+        assert relative(body.response(body.static({"hub": force})).displacement[0], expected) < 6e-3

@@ -328,7 +328,7 @@ def part_configs(config: BodyOptions, opened: Mesh, parts: Sequence[Part]) -> li
         # Normal modes alone would leave the sections too stiff against each other.
         basis = replace(basis, residual=True)
     if not config.levels_asked:
-        levels = 1 if config.frames or config.branches else max(1, levels // len(parts))
+        levels = 1 if config.frames or config.branches else max(2, levels // len(parts))
     return [
         replace(
             config,

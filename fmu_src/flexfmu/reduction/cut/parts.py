@@ -130,8 +130,13 @@ def _within(config: BodyOptions, model: Model) -> list[LoopSection]:
 
 
 def _between_supports(config: BodyOptions, model: Model) -> list[LoopSection]:
-    mesh = model.mesh
-    return loop_sections(mesh, model.anchored, interface_sets(config, mesh))
+    """Sections that open loops from support to support; of three arms at a hub all but one, which holds the hub."""
+    kept: list[LoopSection] = []
+    for one in loop_sections(model.mesh, model.anchored, interface_sets(config, model.mesh)):
+        found, opened, _ = cut_at(config, model, [*kept, one])
+        if _parts(found, opened):
+            kept.append(one)
+    return kept
 
 
 def _closes_loops(model: Model) -> bool:
