@@ -156,7 +156,7 @@ def fixable_root(config: BodyOptions, model: Model) -> int:
     return GROUND
 
 
-# Weight of the nodes that are added to a line or a point, beside theirs.
+# Weight of all nodes that are added to a line or a point, over all of theirs.
 _AROUND = 1e-3
 
 
@@ -229,7 +229,7 @@ def fit_interface(table: InterfaceNodes, mesh: Mesh, subdomains: Sequence[Subdom
         # A line or a point tells no rotation about itself and takes no moment: its elements do, and hardly a force.
         touched = [b.connectivity[np.isin(b.connectivity, nodes).any(axis=1)].ravel() for b in mesh.blocks]
         around = np.unique(np.concatenate([nodes, *touched]))
-        weighted = by_node(around, np.where(np.isin(around, nodes), 1.0, _AROUND))
+        weighted = by_node(around, np.where(np.isin(around, nodes), 1.0, _AROUND * nodes.size / around.size))
         operator, rank = rigid_fit(mesh.points, weighted, point)
     if rank < 6:
         raise BodyFileError(
