@@ -138,7 +138,7 @@ def _temporary(kept_builds):
 class Bodies:
     """Demo bodies reduced on demand, each variant once; modes and the like once for all processes of the tests.
 
-    They do not tell their error, which would take twice as long, unless `output` says so.
+    They do not tell their error, which would take twice as long, and have no surface, unless `output` says so.
     """
 
     def __init__(self, store):

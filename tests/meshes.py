@@ -200,7 +200,7 @@ def write_deck(mesh, path, *, materials=True):
 def body_file(mesh, folder, *, interface, support="ROOT", name="body", **tables):
     """Checked body file of a mesh whose deck is written to `folder`: interfaces by their sets, `support` clamped.
 
-    The body does not tell its error, which would take twice as long, unless `output` says so.
+    The body does not tell its error, which would take twice as long, and has no surface, unless `output` says so.
     """
     deck = write_deck(mesh, folder / f"{name}.inp")
     content = {
@@ -209,5 +209,5 @@ def body_file(mesh, folder, *, interface, support="ROOT", name="body", **tables)
         "support": [] if support is None else [{"nodes": support, "fix": ["x", "y", "z"]}],
         "interface": [{"name": each.lower(), "nodes": each} for each in interface],
     }
-    output = {"error": False} | tables.pop("output", {})
+    output = {"error": False, "surface": False} | tables.pop("output", {})
     return BodyFile.model_validate(content | tables | {"output": output})

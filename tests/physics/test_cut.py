@@ -88,7 +88,7 @@ def whole(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def cut(tmp_path_factory):
-    return reduced(tmp_path_factory.mktemp("cut"), cut=[{"nodes": "MID"}])
+    return reduced(tmp_path_factory.mktemp("cut"), cut=[{"nodes": "MID"}], output={"surface": True})
 
 
 def compliance(body):
@@ -551,21 +551,15 @@ def test_a_beam_clamped_at_both_ends_stretches(tmp_path):
     assert np.linalg.norm(found - expected) < 0.003 * np.linalg.norm(expected)
 
 
-def axle(name="body.toml"):
-    """Body file of the axle: neither its error nor its surface, which take half of the build."""
-    config = body_without_error(HERE / name)
-    return config.model_copy(update={"output": config.output.model_copy(update={"surface": False})})
-
-
 @pytest.fixture(scope="module")
 def axles():
     names = dict.fromkeys(case[0] for case in CASES.values())
-    return {name: reduce_body(axle(name), Reporter()) for name in names}
+    return {name: reduce_body(body_without_error(HERE / name), Reporter()) for name in names}
 
 
 @pytest.fixture(scope="module")
 def one_frame_a_part():
-    config = axle()
+    config = body_without_error(HERE / "body.toml")
     few = config.reduction.model_copy(update={"modes": 6})
     return reduce_body(config.model_copy(update={"frames": 1, "frame": [], "reduction": few}), Reporter())
 
@@ -573,7 +567,7 @@ def one_frame_a_part():
 @pytest.fixture(scope="module")
 def found_cut():
     """The axle with nothing told of its sections: no cut, no frames."""
-    config = axle()
+    config = body_without_error(HERE / "body.toml")
     few = config.reduction.model_copy(update={"modes": 6})
     told = {"cut": None, "frames": None, "frame": [], "reduction": few}
     return reduce_body(config.model_copy(update=told), Reporter())
@@ -664,7 +658,7 @@ def test_one_frame_a_part_is_enough_to_second_order(one_frame_a_part, case, disp
 
 @pytest.mark.long
 def test_axle_in_one_piece_and_cut_are_the_same_linearly(axles):
-    config = axle()
+    config = body_without_error(HERE / "body.toml")
     models = [
         FlexibleBody(body, LINEAR)
         for body in (reduce_body(config.model_copy(update={"cut": []}), Reporter()), axles["body.toml"])
@@ -738,7 +732,8 @@ def test_the_surfaces_of_parts_that_turn_stay_together(tmp_path):
     hinge = np.flatnonzero((np.abs(mesh.points[:, 1]) < 1e-9) & (np.abs(mesh.points[:, 0] % 0.24 - 0.01) < 1e-9))
     top = np.flatnonzero((mesh.points[:, 1] > 0.199) & (mesh.points[:, 0] < 0.021))
     mesh = replace(mesh, node_sets={**mesh.node_sets, "HINGE": hinge, "CORNER": top})
-    config = body_file(mesh, tmp_path, interface=["CORNER"], support="HINGE", frames=2, cut=[{"nodes": "MID"}])
+    options = {"frames": 2, "cut": [{"nodes": "MID"}], "output": {"surface": True}}
+    config = body_file(mesh, tmp_path, interface=["CORNER"], support="HINGE", **options)
     model = reduce_body(config, Reporter())
     body = FlexibleBody(model)
     state = body.static({"corner": [30e3, 0.0, 0.0]})
@@ -809,6 +804,7 @@ def test_frames_and_masses_of_a_cut_body_move_at_second_order_as_in_their_parts(
     mesh = box(ElementType.C3D20, (8, 1, 1), (0.8, 0.03, 0.03))
     mesh = with_sets(mesh, MID=lambda p: p[:, 0] - 0.4, SEAT=lambda p: p[:, 0] - 0.6, NEAR=lambda p: p[:, 0] - 0.2)
     tables = {"frames": 2, "cut": [{"nodes": "MID"}], "reduction": {"modes": 3}, "input": {"acceleration": True}}
+    tables |= {"output": {"surface": True}}
     config = body_file(mesh, tmp_path, interface=["NEAR"], **tables)
     held = [SupportTable(nodes="TIP", fix=["y", "z"]), SupportTable(nodes="SEAT", stiffness=[1e5, 1e5, 1e5])]
     whole = reduce_body(config.model_copy(update={"support": [*config.support, *held]}), Reporter())

@@ -36,7 +36,9 @@ def modal_file(tmp_path_factory):
     """A clamped bar with its own error estimate."""
     folder = tmp_path_factory.mktemp("live")
     mesh = box(ElementType.C3D20R, (16, 2, 2), (1.0, 0.03, 0.03))
-    model = reduce_body(body_file(mesh, folder, interface=["TIP"], name="bar", output={"error": True}), Reporter())
+    model = reduce_body(
+        body_file(mesh, folder, interface=["TIP"], name="bar", output={"error": True, "surface": True}), Reporter()
+    )
     write_modal_file(model, folder / "bar.h5")
     return model, folder / "bar.h5"
 

@@ -30,7 +30,11 @@ def folder(tmp_path_factory):
     """Modal file, body file and deck of a clamped bar, with the stress of its surface."""
     place = tmp_path_factory.mktemp("view")
     mesh = box(ElementType.C3D20R, (16, 2, 2), (1.0, 0.03, 0.03))
-    tables = {"frames": 2, "output": {"stress": True}, "reduction": {"modes": 6, "residual_flexibility": True}}
+    tables = {
+        "frames": 2,
+        "output": {"stress": True, "surface": True},
+        "reduction": {"modes": 6, "residual_flexibility": True},
+    }
     config = body_file(mesh, place, interface=["TIP"], name="bar", **tables)
     write_modal_file(reduce_body(config, Reporter()), place / "bar.h5")
     (place / "bar.toml").write_text(
