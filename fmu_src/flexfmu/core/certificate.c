@@ -275,10 +275,9 @@ static double reach_of(const Program *p, const double *by, double largest) {
 /* The largest error over a deflection; 0 of a body at rest. */
 static double share_of(const Program *p, const double *error, double deflection) {
     double size = 0.0, largest = 0.0;
-    for (int64_t i = 0; i < p->interfaces; i++) {
-        size = fmax(size, norm(p->point + 3 * (p->frames + i), 3));
-        largest = fmax(largest, error[2 * i]);
-    }
+    /* An interface at the origin is known exactly, what carries it is not. */
+    for (int64_t i = 0; i < p->frames + p->interfaces; i++) size = fmax(size, norm(p->point + 3 * i, 3));
+    for (int64_t i = 0; i < p->interfaces; i++) largest = fmax(largest, error[2 * i]);
     largest = reach_of(p, error, largest);
     return largest > fmax(OF_DEFLECTION * deflection, OF_SIZE * size) ? largest / fmax(deflection, OF_SIZE * size) : 0.0;
 }
