@@ -281,7 +281,7 @@ def momenta(body, state):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seeds", [range(3), range(3, 15)])
+@pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 15), marks=pytest.mark.long)])
 @pytest.mark.parametrize("mass", [Mass.CONSTANT, HEAVY])
 def test_a_free_body_that_bends_while_it_spins_keeps_its_momenta_and_energy_to_round_off(floating, mass, seeds):
     """About all axes and for any turn: 0.5 s at 34 rad/s are 2.7 turns.

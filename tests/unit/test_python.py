@@ -17,6 +17,8 @@ from meshes import box
 DOCS = Path(__file__).parents[2] / "docs" / "python.md"
 LENGTH, SIDE = 1.0, 0.1
 E_STEEL = (2.0e11, 0.3, 7850.0)
+# Neither the error's estimate nor pictures, which take most of a build.
+PLAIN = {"output": {"error": False, "surface": False}}
 # Timoshenko's cantilever under a force at its end, shear coefficient 5/6; an end that cannot contract is 1 % stiffer.
 BENDING = LENGTH**3 / (3.0 * E_STEEL[0] * SIDE**4 / 12.0)
 SHEAR = LENGTH / (5.0 / 6.0 * E_STEEL[0] / (2.0 * (1.0 + E_STEEL[1])) * SIDE**2)
@@ -71,6 +73,7 @@ def test_bodies_of_meshio_of_arrays_and_in_millimetres_are_the_same(built):
         supports=[flexfmu.Support("ROOT")],
         interfaces={"tip": flexfmu.Interface(lambda x: x[:, 0] > 999.0)},
         units="mm-t-s",
+        tables=PLAIN,
     ).build(modes=6, residual_flexibility=["tip.force.y"])
     assert tip(body) == pytest.approx(tip(built), rel=1e-9)
     np.testing.assert_allclose(body.model.angular_frequency, built.model.angular_frequency, rtol=1e-6)
@@ -89,7 +92,7 @@ def test_meshes_of_scikit_fem_bring_their_boundaries_and_subdomains(kind, tolera
 
         straight = skfem.MeshTet2.from_mesh(mesh)
         mesh = replace(straight, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
-    body = flexfmu.Body(mesh, E_STEEL, supports=["root"], interfaces={"tip": "end"})
+    body = flexfmu.Body(mesh, E_STEEL, supports=["root"], interfaces={"tip": "end"}, tables=PLAIN)
     # Mid-side nodes of a boundary belong to it.
     x = body.mesh.points[body.mesh.node_sets["end"]]
     assert len(x) == np.isclose(body.mesh.points[:, 0], LENGTH).sum()
