@@ -106,8 +106,8 @@ def _check_sets(options: BodyOptions, mesh: Mesh) -> None:
 # Modal damping ratio of the first mode above which percent were likely given: rubber has 0.1, a shaken pillow 0.3.
 _HEAVY_DAMPING = 0.3
 _DRIFTING = (
-    "nodes are held in some directions: as frames turn far, they drift in those directions, by 1 % of the deflection "
-    "where it is an eighth of the body's size; an interface on them shows it, frames = 1 avoids it"
+    "nodes are held in some directions, and others in all: as frames turn far, they drift in those directions, by 1 % "
+    "of the deflection where it is an eighth of the body's size; an interface on them shows it"
 )
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
@@ -185,11 +185,7 @@ def reduce_mesh(
     report.tell((*mesh.notes, *map(" ".join, summary(properties))))
     _tell_doubts(mesh, options, prepared.unused_material, report)
     options, model = chosen_cuts(options, model, report, store)
-    rollers, whole = np.flatnonzero(model.fixed.any(axis=1)), model.fixed.all(axis=1).any()
-    if rollers.size and not (whole or options.levels_asked or levels or model.rigid.size):
-        # Planes of symmetry: frames would hang on each, those of its shadow show by how much one may be off.
-        options = replace(options, levels=1, levels_asked=True)
-    partly = np.setdiff1d(rollers, model.anchored).size if whole else rollers.size
+    partly = np.setdiff1d(np.flatnonzero(model.placed.any(axis=1)), model.anchored).size
     report.tell([f"{partly} {_DRIFTING}"] * bool(partly and options.levels > 1 and not options.cuts))
     use = replace(config.use, provenance=_provenance(config, mesh, origin), properties=properties)
     # Who asks for a mass has it.

@@ -23,7 +23,7 @@ typedef struct {
     ForceRoom scratch;
     TangentRoom tangents;
     Stretch stretch;
-    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *moved, *other, *plain, *bent, *error, *found, *rates, *turned, *work;
+    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *pulled, *moved, *other, *plain, *bent, *error, *found, *rates, *turned, *work;
     int64_t *pivot;
     double blocks[2 * BLOCKS];
 } Room;
@@ -48,6 +48,7 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->rigid = take(arena, p->embedded);
     room->rest = take(arena, p->embedded);
     room->tense = take(arena, 12 * p->ties);
+    room->pulled = take(arena, 12 * p->ties);
     room->moved = take(arena, 12 * p->interfaces);
     room->other = take(arena, 12 * p->interfaces);
     room->plain = take(arena, 12 * p->interfaces);
@@ -192,7 +193,7 @@ static void find_softest(const Body *shadow, Room *room, double *blocks) {
 }
 
 /* What is left of the forces, and the tangent with its factors, in coordinates of unit energy; 0 where that is not stable. */
-static int factors_of(Body *shadow, Room *room) {
+static int factors_of(Body *shadow, Room *room, int opened) {
     const Program *p = shadow->p;
     const int64_t m = p->modes, first = p->rigid, e = m - first;
     Slice *slice = shadow->slice;
@@ -203,13 +204,14 @@ static int factors_of(Body *shadow, Room *room) {
         room->left[a] = (room->left[a] - held) / p->omega[a];
         for (int64_t j = 0; j < e; j++) room->scaled[i * e + j] = room->tangent[a * m + first + j] / (p->omega[a] * p->omega[first + j]);
     }
-    return stable_tangent(room->scaled, room->factor, e, slice) && lu_factor(room->scaled, room->pivot, e, slice);
+    /* Joints of loops that are opened have no tension yet. */
+    return (opened || stable_tangent(room->scaled, room->factor, e, slice)) && lu_factor(room->scaled, room->pivot, e, slice);
 }
 
 /* One step of Newton's method from the shadow's coordinates towards its equilibrium, in place, and the softest eigenvalue of
  * its tangent in the last one; 0 where that is not stable. In motion inertia holds what is left of the body's own forces, and
  * so it does in the shadow. */
-static int newton_step(Body *shadow, Room *room, const double *inputs, double *blocks, int last) {
+static int newton_step(Body *shadow, Room *room, const double *inputs, double *blocks, int opened, int last) {
     const Program *p = shadow->p;
     const int64_t m = p->modes, first = p->rigid, e = m - first;
     Slice *slice = shadow->slice;
@@ -217,7 +219,7 @@ static int newton_step(Body *shadow, Room *room, const double *inputs, double *b
     if (over(slice)) return 1;
     int64_t began = enter_block(slice, blocks + FACTORS);
     if (began >= 0) {
-        if (!factors_of(shadow, room)) return 0;
+        if (!factors_of(shadow, room, opened && !last)) return 0;
         leave_block(slice, began, blocks + FACTORS);
     }
     if (over(slice)) return 1;
@@ -230,18 +232,33 @@ static int newton_step(Body *shadow, Room *room, const double *inputs, double *b
     return 1;
 }
 
-/* One step after another. The call that counts pieces takes the second one for as many as the first. */
-static int newton_steps(Body *shadow, Room *room, const double *inputs, int again) {
+/* Cost of placing a body: of many calls, and of products that go by vectors. */
+static const double CALLS = 6000.0, OF_VECTORS = 0.6;
+
+/* So small a share of a step that joints are stretched by it as by its derivative. */
+static const double SMALL = 1e-3;
+
+/* Tension of joints that a step of Newton's method, already made, has found. */
+static void tense_by_step(Body *shadow, Room *room) {
+    const Program *p = shadow->p;
     Slice *slice = shadow->slice;
-    const Slice before = slice ? *slice : (Slice){0};
-    if (!newton_step(shadow, room, inputs, room->blocks, !again)) return 0;
-    if (!again || over(slice)) return 1;
-    if (!slice || slice->until != COUNTS) return newton_step(shadow, room, inputs, room->blocks + BLOCKS, 1);
-    slice->met += slice->met - before.met;
-    slice->whole += slice->whole - before.whole;
-    memcpy(room->blocks + BLOCKS, room->blocks, BLOCKS * sizeof(double));
-    find_softest(shadow, room, room->blocks + BLOCKS);
-    return 1;
+    if (!due(slice, CALLS + OF_VECTORS * configuration_cost(shadow))) return;
+    shadow->slice = 0;
+    tie_tension(shadow, &room->at, room->tense);
+    for (int64_t i = p->rigid; i < p->modes; i++) room->turned[i] = room->q[i] - (1.0 - SMALL) * room->left[i] / p->omega[i];
+    memcpy(room->turned, room->q, (size_t)p->rigid * sizeof(double));
+    configure(shadow, room->turned, &room->at);
+    tie_tension(shadow, &room->at, room->pulled);
+    for (int64_t i = 0; i < 12 * p->ties; i++) room->tense[i] += (room->pulled[i] - room->tense[i]) / SMALL;
+    shadow->slice = slice;
+}
+
+/* One step after another: of a shadow with loops opened the first one finds the joints' tension. */
+static int newton_steps(Body *shadow, Room *room, const double *inputs, int opened, int again) {
+    if (!newton_step(shadow, room, inputs, room->blocks, opened, !again)) return 0;
+    if (!again || over(shadow->slice)) return 1;
+    if (opened) tense_by_step(shadow, room);
+    return newton_step(shadow, room, inputs, room->blocks + BLOCKS, opened, 1);
 }
 
 /* The largest linear deflection of an interface under forces on the body's coordinates; in the room of other places. */
@@ -327,9 +344,6 @@ static void move_along_shapes(const Body *body, const Body *shadow, const double
     for (int64_t i = 0; i < s->modes; i++) room->q[i] += dot(s->embedding + i * n, room->rigid, n);
 }
 
-/* Cost of placing the body: of many calls, and of products that go by vectors. */
-static const double CALLS = 6000.0, OF_VECTORS = 0.6;
-
 /* What the body itself tells at q: what is left of its forces, its places, how far they are from where it began. */
 static int body_at(Body *body, const Body *shadow, const double *inputs, const double *q, Room *room) {
     const Program *p = body->p;
@@ -384,13 +398,13 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
     Room *room = room_in(shadow, &arena, slice);
     /* Joints of a shadow with loops opened were loops of the body, which a first step closes. Motion of first order stretches
      * the shadow so much that the first step leads back little of the way. */
-    const int again = has_opened(shadow->p, body->p) || !body->p->curved;
+    const int opened = has_opened(shadow->p, body->p), again = opened || !body->p->curved;
     shadow->slice = slice;
     if (due(slice, 0.0)) {
         memset(room->found, 0, FOUND * sizeof(double));
         memset(room->error, 0, (size_t)(2 * interfaces) * sizeof(double));
     }
-    if (body_at(body, shadow, inputs, q, room) && (over(slice) || newton_steps(shadow, room, inputs, again))) {
+    if (body_at(body, shadow, inputs, q, room) && (over(slice) || newton_steps(shadow, room, inputs, opened, again))) {
         if (over(slice)) {
             shadow->slice = 0;
             return;

@@ -137,6 +137,8 @@ def _units(units: UnitSystem) -> str:
 _AXES = {"x": 0, "y": 1, "z": 2}
 # Relative size of a singular value below which a rigid motion is not held.
 _FREE = 1e-9
+# How far, over its size, a motion of second order may be off what supports allow.
+_STRAIGHT = 1e-5
 # Relative size of parts of a motion that words leave out.
 _PLAIN = 1e-6
 
@@ -207,10 +209,19 @@ class Model:
         return found if found.size else None
 
     @property
+    def placed(self) -> BoolArray:
+        """Translations (n, 3) held at zero, only in directions in which elements are free, if there are any.
+
+        Planes of symmetry along a body, which hold every element in a direction, hold no place of it.
+        """
+        plane = np.all([self.fixed[one.connectivity].any(axis=1).all(axis=0) for one in self.mesh.blocks], axis=0)
+        return self.fixed & ~plane if self.fixed[:, ~plane].any() else self.fixed
+
+    @property
     def anchored(self) -> IntArray:
         """Nodes from which distances along the body count: those held best, in all directions and without springs."""
         held = self.fixed | self.sprung
-        for chosen in (self.fixed.all(axis=1), self.fixed.any(axis=1), held.all(axis=1)):
+        for chosen in (self.fixed.all(axis=1), self.placed.any(axis=1), held.all(axis=1)):
             if np.any(chosen):
                 # Corners of beams at a node that is held bear its number.
                 return np.flatnonzero(np.isin(self.mesh.labels, self.mesh.labels[chosen]))
@@ -224,7 +235,7 @@ class Model:
     @property
     def held(self) -> IntArray:
         """Nodes where a frame may hang on the ground: supports, and springs only where there is nothing else."""
-        fixed = np.flatnonzero(self.fixed.any(axis=1))
+        fixed = np.flatnonzero(self.placed.any(axis=1))
         return fixed if fixed.size else self.anchored
 
 
@@ -310,6 +321,19 @@ def free_motions(points: FloatArray, held: BoolArray, soft: sp.csr_array | None 
     found: FloatArray = motions.reshape(-1, 6) @ free
     found[held.ravel()] = 0.0
     return found
+
+
+def stays_free(points: FloatArray, held: BoolArray, rigid: FloatArray) -> bool:
+    """Whether rigid motions (3n, r) that are free of held translations (n, 3) at first order are so at second order.
+
+    A line of nodes held along itself turns aside a little, but not far.
+    """
+    motions = rigid_basis(points)
+    free = np.linalg.lstsq(motions.reshape(-1, 6), rigid)[0]
+    turned = np.cross(free[3:].T[:, None, None], np.moveaxis(motions @ free, 2, 0))
+    second, rows = (turned + turned.swapaxes(0, 1))[:, :, held].reshape(-1, int(held.sum())).T, motions[held]
+    left = second - rows @ np.linalg.lstsq(rows, second)[0]
+    return bool(np.abs(left).max(initial=0.0) <= _STRAIGHT * np.abs(turned).max(initial=0.0))
 
 
 def _link_strains(mesh: Mesh, motions: FloatArray) -> list[FloatArray]:

@@ -224,7 +224,8 @@ def second_order(matrices: Matrices, modes: Modes, floating: bool, readings: Seq
         reference = np.zeros((3, count))
         reference[:, rigid] = angles[0][:, rigid]
         arm = np.array([reading.point - readings[0].point for reading in readings])
-        change = np.array([reading.moved(elastic) for reading in readings])
+        # On rollers elastic modes move the joint as well, along the ground.
+        change = np.array([reading.moved(elastic) - readings[0].moved(elastic) for reading in readings])
         # Ends on the ground stay where they are.
         on_body = np.array([reading.nodes.size > 0 for reading in readings])
         seen = from_ground((displacement, rotation), reference, arm, change, angles)

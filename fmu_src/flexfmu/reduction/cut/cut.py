@@ -18,7 +18,7 @@ from ...mesh.model import Mesh, moved_springs
 from ...model.summary import point
 from ..bushings import Bushings
 from ..division import neighbours
-from ..model import Model, free_motions
+from ..model import Model, free_motions, stays_free
 from ..options import Basis, BodyOptions, BranchJoints, InterfaceNodes, SupportNodes, node_set
 from ..rigid_fit import by_node, rigid_fit, rigid_motions
 from ..subdomains import elements_within, section as section_weights
@@ -147,7 +147,7 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportNodes
         mesh, origin = _opened(mesh, cut)
         first = first[origin]
         copied = origin[len(fixed) :]
-        if fixed[copied].any() or spring[copied].any():
+        if model.placed[first[len(fixed) :]].any() or spring[copied].any():
             raise BodyFileError(f"[[cut]] nodes = {cut!r}: a support holds nodes of it; cut away from supports")
         fixed, spring, damper = fixed[origin], spring[origin], damper[origin]
     part = connected_parts(mesh)
@@ -162,12 +162,12 @@ def cut_parts(model: Model, cuts: Sequence[str], supports: Sequence[SupportNodes
         inside, elements = _sub_mesh(mesh, nodes)
         soft = Bushings(inside.points, inside.springs).unit_rows
         motions = free_motions(inside.points, (fixed | (spring > 0.0))[nodes], soft)
+        fault = "turns freely, but not far: hold nodes on a line along it at one only, or leave the loop closed"
         if motions.shape[1] == _RIGID_MOTIONS:
-            x, y, z = inside.points.mean(axis=0)
-            raise BodyFileError(
-                f"[[cut]] leaves a part of {len(elements)} elements about ({x:.4g}, {y:.4g}, {z:.4g}) m that no "
-                "support holds: frames have nothing there to hang from; cut so that each part has a support"
-            )
+            fault = "no support holds: frames have nothing there to hang from; cut so that each part has a support"
+        if motions.shape[1] == _RIGID_MOTIONS or not stays_free(inside.points, fixed[nodes], motions):
+            place = point(inside.points.mean(axis=0))
+            raise BodyFileError(f"[[cut]] leaves a part of {len(elements)} elements about {place} m that {fault}")
         sections = tuple(name for name in names if name in inside.node_sets)
         part_model, springs = _springs(Model(inside, fixed[nodes], spring[nodes], motions, damper[nodes]), supports)
         parts.append(Part(part_model, nodes, elements, sections, springs, first[nodes]))

@@ -1,7 +1,7 @@
 """Whether a body is cut; its parts, each reduced by itself, and all joined again (docs/theory.md, section 10)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from math import ceil
 
@@ -42,15 +42,6 @@ AGAINST_OPENED = 'its own error is that against the opened body (cut = "auto" op
 _MOST_SUPPORTS = 8
 
 
-@dataclass(frozen=True, slots=True)
-class _Choice:
-    """Whether to cut, whether one frame keeps the loop closed better than several, and why."""
-
-    cut: bool
-    whole: bool
-    reason: str
-
-
 def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Store) -> tuple[BodyOptions, Model]:
     """Find the sections of `cut = "auto"`; cut a body that nothing is said of where its supports' loop turns far.
 
@@ -82,10 +73,10 @@ def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Stor
     parts = _parts(found, opened)
     if not parts:
         return config, model
-    choice = _decided(config, model, parts, report, store)
-    report.note(choice.reason)
-    if not choice.cut:
-        return (replace(config, levels=1, may_cut=False) if choice.whole else config), model
+    cut, whole, reason = _decided(config, Matrices(model, report, store), parts)
+    report.note(reason)
+    if not cut:
+        return (replace(config, levels=1, may_cut=False) if whole else config), model
     report.tell(notes)
     return found, opened
 
@@ -116,34 +107,28 @@ def _opened(config: BodyOptions, model: Model, within: list[LoopSection]) -> tup
     if not parts:
         return cut_at(config, model, [])
     if not config.levels_asked:
-        models = (model, *(part.model for part in parts))
-        before, *after = (float(distance_along(one.mesh, one.anchored).max()) for one in models)
+        before, *after = (float(distance_along(m.mesh, m.anchored).max()) for m in (model, *(p.model for p in parts)))
         found = replace(found, levels=len(parts) * ceil(config.levels * max(after) / before - _ROUNDED))
     return found, opened, notes
 
 
 def _within(config: BodyOptions, model: Model) -> list[LoopSection]:
-    mesh = model.mesh
-    if model.rigid.shape[1] or not model.anchored.size:
-        return []
-    return inner_sections(mesh, model.anchored, interface_sets(config, mesh))
+    moves = model.rigid.shape[1] or not model.anchored.size
+    return [] if moves else inner_sections(model.mesh, model.anchored, interface_sets(config, model.mesh))
 
 
 def _between_supports(config: BodyOptions, model: Model) -> list[LoopSection]:
     """Sections that open loops from support to support; of three arms at a hub all but one, which holds the hub."""
     kept: list[LoopSection] = []
-    for one in loop_sections(model.mesh, model.anchored, interface_sets(config, model.mesh)):
-        found, opened, _ = cut_at(config, model, [*kept, one])
-        if _parts(found, opened):
+    for one in loop_sections(model.mesh, model.held, interface_sets(config, model.mesh)):
+        if _parts(*cut_at(config, model, [*kept, one])[:2]):
             kept.append(one)
     return kept
 
 
 def _closes_loops(model: Model) -> bool:
     """Whether several supports, and not too many, hold a body that cannot move."""
-    if model.rigid.shape[1] or not model.anchored.size:
-        return False
-    return 1 <= int(support_groups(model.mesh, model.anchored).max()) < _MOST_SUPPORTS
+    return not model.rigid.shape[1] and 1 <= support_groups(model.mesh, model.held).max(initial=0) < _MOST_SUPPORTS
 
 
 def _parts(config: BodyOptions, model: Model) -> list[Part]:
@@ -158,20 +143,23 @@ def _parts(config: BodyOptions, model: Model) -> list[Part]:
     return parts
 
 
-def _decided(config: BodyOptions, model: Model, parts: list[Part], report: Reporter, store: Store) -> _Choice:
-    """Cut where the parts turn as a whole, unless stretch stops the body before it turns far."""
-    mesh = model.mesh
-    nodal = [fit_interface(table, mesh, ()).nodal_loads(len(mesh.points)) for table in config.interfaces]
-    forces = np.hstack([loads[:, :3] for loads in nodal])
-    matrices = Matrices(model, report, store)
-    fields, _ = FourthOrder(matrices).responses(forces)
+def _decided(config: BodyOptions, matrices: Matrices, parts: list[Part]) -> tuple[bool, bool, str]:
+    """Whether to cut, whether one frame keeps the loop closed better than several, and why.
+
+    A body is cut where the parts turn as a whole, unless stretch stops it before it turns far.
+    """
+    model, mesh = matrices.model, matrices.model.mesh
+    nodal = [fit_interface(table, mesh, ()).nodal_loads(len(mesh.points))[:, :3] for table in config.interfaces]
+    fields, _ = FourthOrder(matrices).responses(forces := np.hstack(nodal))
     gain = turning_taken(mesh, fields, [part.elements for part in parts])
     begin = f"supports close a loop: frames of its {len(parts)} parts leave 1/{gain:.2g} of the turning of one frame"
-    if gain < _PAYS:
-        return _Choice(False, False, f'{begin}; the body stays in one piece (cut = "auto" cuts it)')
+    # Where supports roll, one piece is never right: its chain of frames is held by linear modes at either end.
+    still = bool(model.fixed[model.held].all())
+    if still and gain < _PAYS:
+        return False, False, f'{begin}; the body stays in one piece (cut = "auto" cuts it)'
     if energy_shares(matrices, forces)[0] > _STOPS:
-        return _Choice(False, True, f"{begin}, but stretch stops it before it turns far: one piece, one frame")
-    return _Choice(True, False, f"{begin}, and it can turn far: it is cut (cut = [] leaves it in one piece)")
+        return False, still, f"{begin}, but stretch stops it before it turns far: one piece"
+    return True, False, f"{begin}, and it can turn far: it is cut (cut = [] leaves it in one piece)"
 
 
 def turning_taken(mesh: Mesh, fields: FloatArray, parts: Sequence[IntArray]) -> float:
