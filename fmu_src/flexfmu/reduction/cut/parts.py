@@ -68,6 +68,9 @@ def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Stor
         return found, opened
     if not (config.may_cut and _closes_loops(model)):
         return config, model
+    if _rolls(model):
+        # Cut bodies are no good in motion there, and frames that hang on sliding places alone are all astray.
+        return (config if model.fixed.all(axis=1).any() else replace(config, levels=1)), model
     with report.stage("Look for loops to cut"):
         found, opened, notes = cut_at(config, model, _between_supports(config, model))
     parts = _parts(found, opened)
@@ -126,6 +129,11 @@ def _between_supports(config: BodyOptions, model: Model) -> list[LoopSection]:
     return kept
 
 
+def _rolls(model: Model) -> bool:
+    """Whether some supports hold nodes in some directions only."""
+    return not model.rigid.shape[1] and not model.fixed[model.held].all() and not model.sprung.any()
+
+
 def _closes_loops(model: Model) -> bool:
     """Whether several supports, and not too many, hold a body that cannot move."""
     return not model.rigid.shape[1] and 1 <= support_groups(model.mesh, model.held).max(initial=0) < _MOST_SUPPORTS
@@ -148,17 +156,15 @@ def _decided(config: BodyOptions, matrices: Matrices, parts: list[Part]) -> tupl
 
     A body is cut where the parts turn as a whole, unless stretch stops it before it turns far.
     """
-    model, mesh = matrices.model, matrices.model.mesh
+    mesh = matrices.model.mesh
     nodal = [fit_interface(table, mesh, ()).nodal_loads(len(mesh.points))[:, :3] for table in config.interfaces]
     fields, _ = FourthOrder(matrices).responses(forces := np.hstack(nodal))
     gain = turning_taken(mesh, fields, [part.elements for part in parts])
     begin = f"supports close a loop: frames of its {len(parts)} parts leave 1/{gain:.2g} of the turning of one frame"
-    # Where supports roll, one piece is never right: its chain of frames is held by linear modes at either end.
-    still = bool(model.fixed[model.held].all())
-    if still and gain < _PAYS:
+    if gain < _PAYS:
         return False, False, f'{begin}; the body stays in one piece (cut = "auto" cuts it)'
     if energy_shares(matrices, forces)[0] > _STOPS:
-        return False, still, f"{begin}, but stretch stops it before it turns far: one piece"
+        return False, True, f"{begin}, but stretch stops it before it turns far: one piece, one frame"
     return True, False, f"{begin}, and it can turn far: it is cut (cut = [] leaves it in one piece)"
 
 
@@ -318,7 +324,7 @@ def _certified(piece: Reduced, config: BodyOptions, model: Model, report: Report
     flattens = piece.body.membrane is not None and piece.body.membrane.flattenings > 0
     with report.stage("Look for loops that stay closed"):
         within = _within(found, model)
-        if within or (config.levels > 1 and not flattens and _closes_loops(model)):
+        if within or (_closes_loops(model) and (_rolls(model) or (config.levels > 1 and not flattens))):
             found, opened, _ = _opened(found, model, within)
     cuts = found.cuts
     if not (cuts and within):
