@@ -328,10 +328,10 @@ def stays_free(points: FloatArray, held: BoolArray, rigid: FloatArray) -> bool:
 
     A line of nodes held along itself turns aside a little, but not far.
     """
-    motions = rigid_basis(points)
+    rows = (motions := rigid_basis(points))[held]
     free = np.linalg.lstsq(motions.reshape(-1, 6), rigid)[0]
     turned = np.cross(free[3:].T[:, None, None], np.moveaxis(motions @ free, 2, 0))
-    second, rows = (turned + turned.swapaxes(0, 1))[:, :, held].reshape(-1, int(held.sum())).T, motions[held]
+    second = (turned + turned.swapaxes(0, 1))[:, :, held].reshape(rigid.shape[1] ** 2, len(rows)).T
     left = second - rows @ np.linalg.lstsq(rows, second)[0]
     return bool(np.abs(left).max(initial=0.0) <= _STRAIGHT * np.abs(turned).max(initial=0.0))
 
