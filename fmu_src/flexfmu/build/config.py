@@ -32,7 +32,7 @@ class BodySpec(Table):
         Name of the body and the FMU.
     frames
         Number of frames along the body, counted from the supports (at most one per element layer). 0: linear.
-        Default: 4, shared by parts if cut, 2 each at least; 8 with the mass of lumps; 1 where stretch stops a loop
+        Default: 4, shared by parts if cut, 2 or more each; 8 with lumps; 1 if stretch stops a loop or all supports roll
     free
         Nothing holds the body, or only a hinge.
     root
