@@ -60,6 +60,20 @@ def test_a_beam_on_a_pin_and_a_roller_bends_as_the_elastica():
         assert body.error(state, loads).bound < 0.01
 
 
+def test_the_roller_of_a_bow_stays_on_the_ground_however_its_part_turns():
+    ends = {
+        "PIN": lambda p: np.abs(p[:, 1]) + np.abs(p[:, 0] - 0.096),
+        "ROLLER": lambda p: np.abs(p[:, 0]) + np.abs(p[:, 1] - 0.096),
+        "ONE": lambda p: np.linalg.norm(p - [0.096, 0.0, 0.004], axis=1),
+    }
+    mesh = with_sets(arc(ElementType.C3D20, (12, 1, 1), 0.1, 0.008), **ends)
+    supports = [Support("PIN", fix=["x", "y"]), Support("ONE", fix=["z"]), Support("ROLLER", fix=["x"])]
+    bow = Body(mesh, supports=supports, interfaces={"roller": "ROLLER"}, cuts="auto").build(surface=False)
+    off, along, _ = bow.response(bow.static({"roller": [0.0, -4e3, 0.0, 0.0, 0.0, 0.0]})).displacement[0]
+    assert abs(along) > 0.01
+    assert abs(off) < 1e-5 * abs(along)
+
+
 def test_a_beam_in_one_piece_knows_how_far_its_roller_drifts():
     """Two frames, of which the outer one lifts off: 1.6 % of the deflection."""
     cut, one = (on_rollers([], **how).build(surface=False) for how in ({"cuts": "auto"}, {"tables": {"frames": 2}}))
