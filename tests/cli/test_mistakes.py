@@ -315,6 +315,9 @@ MISTAKES = {
     "backslashes that are none": body(
         MESH, 'file = "C:\\Users\\x.inp"', "a backslash in double quotes", "'single quotes'"
     ),
+    "a number for a file": body(
+        MESH, "file = 3", "mesh.file: found 3; should be a file's name in quotes, such as file"
+    ),
     "true as a text": body("frames = 3", 'free = "yes"', "free: found 'yes'; should be true or false without quotes"),
     "number with a unit": body(
         RATIO,

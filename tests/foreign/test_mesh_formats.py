@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from flexfmu.fe.assembly import stiffness
-from flexfmu.files.basics import MeshError, UnitSystem
+from flexfmu.files.basics import BodyFileError, MeshError, UnitSystem
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.in_memory import from_meshio
 from flexfmu.mesh.model import NO_MATERIAL, Material
+from flexfmu.reduction.model import completed
+from flexfmu.reduction.options import BodyOptions, MaterialConstants
 from meshes import box
 
 # Two unit cubes in a row along x; nodes by x, then the square's corners.
@@ -89,6 +91,24 @@ def test_cells_in_no_physical_group_are_in_no_set(tmp_path):
     assert mesh.element_count == 2
     assert {name: rows.tolist() for name, rows in mesh.element_sets.items()} == {"Body": [0]}
     assert sorted(mesh.node_sets) == ["Body", "Root", "Tip"]
+
+
+def test_volume_groups_of_a_mesh_file_have_their_own_materials(tmp_path):
+    cubes = cubes_with_physical_groups()
+    cubes.cell_data["gmsh:physical"][1] = np.array([7, 8])
+    cubes.cell_data["gmsh:geometrical"][1] = np.array([1, 2])
+    cubes.field_data["Glue"] = np.array([8, 3])
+    mesh = read_mesh(write_gmsh(tmp_path, cubes), UnitSystem.SI)
+    soft, stiff = MaterialConstants(None, 1e9, 0.4, 1000.0), MaterialConstants("glue", 2e11, 0.3, 7850.0)
+    made, notes = completed(mesh, BodyOptions("b", (), materials=(soft, stiff)))
+    assert [made.materials[k].youngs_modulus for k in made.blocks[0].material] == [1e9, 2e11]
+    assert notes == ()
+    with pytest.raises(BodyFileError, match=r"1 of 2 elements have no material.*for each element set, with its name"):
+        completed(mesh, BodyOptions("b", (), materials=(stiff,)))
+    with pytest.raises(
+        BodyFileError, match=r"no such material; it has: none.*no element set 'wood'; it has: Body, Glue"
+    ):
+        completed(mesh, BodyOptions("b", (), materials=(soft, replace(stiff, name="wood"))))
 
 
 # Two tetrahedra and a triangle in two groups, as gmsh's current format has it.

@@ -273,6 +273,13 @@ def test_the_distance_follows_the_body_and_not_the_air():
     np.testing.assert_allclose(distance[mesh.node_sets["ROOT"]], 0.0)
 
 
+@pytest.mark.parametrize("kind", [ElementType.C3D6, ElementType.C3D4], ids=lambda kind: kind.name)
+def test_levels_are_no_thinner_than_rows_of_elements(kind):
+    """Wedges of a row that point up and down would be a frame each."""
+    mesh = with_sets(box(kind, (5, 7, 1), (5.0, 7.0, 0.5)), ROOT=lambda p: p[:, 0])
+    assert [len(divided(mesh, levels).subdomains) for levels in (3, 5, 6, 16)] == [3, 5, 5, 5]
+
+
 def test_a_body_without_supports_cannot_be_divided():
     mesh = box(ElementType.C3D8, (2, 1, 1), (2.0, 1.0, 1.0))
     with pytest.raises(BodyFileError, match=r"counts from the supports, and the body has none"):

@@ -80,7 +80,7 @@ class MaterialTable(Table):
     Attributes
     ----------
     name
-        Name of the material in the mesh file to override. Repeat as `[[material]]` for several.
+        Material in the mesh file to override, or element set to give one. Repeat as `[[material]]` for several.
     youngs_modulus, poissons_ratio, density
         Used for elements without a material and for materials without a density.
     """

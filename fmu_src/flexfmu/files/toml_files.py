@@ -241,6 +241,8 @@ def _reason(
             return shown, f"should be a valid integer, written without point and exponent{limit}", ""
         case "bool_type":
             return shown, "should be true or false without quotes", ""
+        case "path_type":
+            return shown, "should be a file's name in quotes", example
         case "float_type" if isinstance(found, str):
             return shown, "should be a number without quotes and unit", example
     text = str(problem["msg"]).replace("Input should", "should")

@@ -85,10 +85,8 @@ def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
     size = len(mesh.points)
     graph = sp.csr_array((size, size))
     for block in mesh.blocks:
-        count = block.connectivity.shape[1]
-        first, second = np.triu_indices(count, 1)
-        rows, columns = block.connectivity[:, first].ravel(), block.connectivity[:, second].ravel()
-        pairs = np.unique(np.sort(np.column_stack([rows, columns]), axis=1), axis=0)
+        ends = np.column_stack(np.triu_indices(block.connectivity.shape[1], 1))
+        pairs = np.unique(np.sort(block.connectivity[:, ends].reshape(-1, 2), axis=1), axis=0)
         length = np.linalg.norm(mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]], axis=1)
         graph = graph.maximum(sp.csr_array(sp.coo_array((length, pairs.T), shape=(size, size))))
     if mesh.equations is not None:
@@ -126,7 +124,11 @@ def divide(mesh: Mesh, supported: IntArray, levels: int) -> Division:
     """
     distance = _supported_distance(mesh, supported)
     middle = _middle(mesh, distance)
-    depth = float(distance.max()) / levels
+    # Thinner than a row of elements, a level would be its triangles that point one way, each a piece.
+    row = np.median(np.concatenate([np.ptp(distance[block.connectivity], axis=1) for block in mesh.blocks]))
+    way = float(distance.max())
+    levels = max(round(way / max(float(row), way / levels)), 1)
+    depth = way / levels
     level = np.minimum(np.floor(np.round(middle / depth, _DIGITS)).astype(np.int64), levels - 1)
     return _divided(mesh, supported, level, linked(mesh), distance, depth)
 
@@ -280,8 +282,7 @@ def _merge_thin(piece: IntArray, link: sp.csr_array, reach: FloatArray, volume: 
         if extent[first] >= 1.0:
             return piece
         host = int(np.lexsort((place, -np.round(shared[first] / largest[first], _DIGITS)))[0])
-        piece = np.where(piece == first, host, piece)
-        piece = np.unique(piece, return_inverse=True)[1].astype(np.int64)
+        piece = np.unique(np.where(piece == first, host, piece), return_inverse=True)[1].astype(np.int64)
 
 
 def _shared(piece: IntArray, link: sp.csr_array, count: int) -> FloatArray:
@@ -320,7 +321,6 @@ def _tree(mesh: Mesh, supported: IntArray, piece: IntArray, middle: FloatArray, 
 
     position = {p: s for s, p in enumerate(order)}
     digits = len(str(count))
-    names = {p: f"frame_{s + 1:0{digits}d}" for p, s in position.items()}
     subdomains: list[Subdomain] = []
     for p in order:
         up = parent[p]
@@ -330,8 +330,8 @@ def _tree(mesh: Mesh, supported: IntArray, piece: IntArray, middle: FloatArray, 
         joint = section(mesh, np.intersect1d(bodies[p].nodes, beyond))
         index = GROUND if up == GROUND else position[up]
         elements = np.flatnonzero(piece == p)
-        turn = mean_rotation(mesh, elements)
-        subdomains.append(Subdomain(names[p], index, elements, bodies[p], turn, joint, joint.centre(mesh.points)))
+        turn, name = mean_rotation(mesh, elements), f"frame_{position[p] + 1:0{digits}d}"
+        subdomains.append(Subdomain(name, index, elements, bodies[p], turn, joint, joint.centre(mesh.points)))
 
     return Division(tuple(subdomains), _open_loops(mesh, subdomains, shared[np.ix_(order, order)]))
 

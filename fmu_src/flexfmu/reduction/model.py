@@ -18,7 +18,7 @@ from ..mesh.equations import simplex
 from ..mesh.model import NO_MATERIAL, Material, Mesh, SpringDamper
 from ..model.summary import point
 from .bushings import Bushings, End
-from .options import BodyOptions, MaterialConstants, SupportNodes, node_set
+from .options import BodyOptions, MaterialConstants, SupportNodes, element_set, node_set
 from .rigid_fit import rigid_motions
 from .rigid_nodes import with_rigid_nodes
 
@@ -33,8 +33,8 @@ def elements_without_material(mesh: Mesh) -> int:
 def completed(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, tuple[str, ...]]:
     """Give every element a material with all its constants.
 
-    A table with a name takes the place of what the mesh file says of that material, key by key. The one without is for
-    elements without material, and for constants that the file does not tell.
+    A table with a name takes the place of what the mesh file says of that material, key by key, or of the materials of
+    an element set. The one without is for elements without material, and for constants that the file does not tell.
 
     Parameters
     ----------
@@ -55,10 +55,8 @@ def completed(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, tuple[str, ...]]:
     units = config.units
     notes = []
     materials = list(mesh.materials)
-    for table in config.materials:
-        if table.name is None:
-            continue
-        place = _place(materials, table.name)
+    for table in (one for one in config.materials if one.name is not None):
+        mesh, place = _place(mesh, materials, str(table.name))
         given = [key for key in KEYS if getattr(table, key) is not None]
         told = [key for key in given if not np.isnan(getattr(materials[place], key))]
         if told:
@@ -71,19 +69,17 @@ def completed(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, tuple[str, ...]]:
             materials[place] = _with(material, rest, lacking, units)
             if lacking:
                 notes.append(f"[material]: {', '.join(lacking)} of {material.name!r}, which the mesh does not tell")
-    blocks, bare = mesh.blocks, elements_without_material(mesh)
-    if bare:
+    if bare := elements_without_material(mesh):
         if rest is None or any(getattr(rest, key) is None for key in KEYS):
             raise BodyFileError(
                 f"{bare} of {mesh.element_count} elements have no material in the mesh file: add a [material] table "
-                f"with {', '.join(KEYS[:2])} and {KEYS[2]}, in the units of [mesh] ({_units(units)})"
+                f"with {', '.join(KEYS[:2])} and {KEYS[2]}, in the units of [mesh] ({_units(units)}), or a "
+                "[[material]] for each element set, with its name"
             )
-        index = len(materials)
-        materials.append(_with(Material("[material]", np.nan, np.nan, np.nan), rest, list(KEYS), units))
-        rows = [np.where(block.material == NO_MATERIAL, index, block.material) for block in blocks]
-        blocks = tuple(replace(block, material=row) for block, row in zip(blocks, rows, strict=True))
+        mesh = _made_of(mesh, np.concatenate([block.material for block in mesh.blocks]) == NO_MATERIAL, len(materials))
+        materials.append(_with(Material("[material]", np.nan, np.nan, np.nan), rest, KEYS, units))
     _refuse_missing(materials, units)
-    return replace(mesh, blocks=blocks, materials=tuple(materials)), tuple(notes)
+    return replace(mesh, materials=tuple(materials)), tuple(notes)
 
 
 def _refuse_missing(materials: Sequence[Material], units: UnitSystem) -> None:
@@ -103,30 +99,36 @@ def missing(material: Material) -> tuple[str, ...]:
 
 def needless(mesh: Mesh, config: BodyOptions) -> bool:
     """Whether the table without a name is for nothing."""
-    return (
-        _unnamed(config.materials) is not None
-        and not elements_without_material(mesh)
-        and not any(missing(material) for material in mesh.materials)
-    )
+    lacks = elements_without_material(mesh) or any(missing(material) for material in mesh.materials)
+    return not lacks and _unnamed(config.materials) is not None
 
 
 def _unnamed(tables: Sequence[MaterialConstants]) -> MaterialConstants | None:
     return next((table for table in tables if table.name is None), None)
 
 
-def _place(materials: Sequence[Material], name: str) -> int:
+def _place(mesh: Mesh, materials: list[Material], name: str) -> tuple[Mesh, int]:
+    """The material of a name among `materials`; of an element set a new one, which its elements have then."""
     found = [place for place, material in enumerate(materials) if material.name.upper() == name.upper()]
-    if len(found) != 1:
-        there = ", ".join(material.name for material in materials) or "none"
-        raise BodyFileError(f"[material] name = {name!r}: the mesh file names no such material; it has: {there}")
-    return found[0]
+    if len(found) == 1:
+        return mesh, found[0]
+    there = ", ".join(material.name for material in materials) or "none"
+    key = f"[material] name = {name!r}: the mesh file names no such material; it has: {there}"
+    mesh = _made_of(mesh, np.isin(np.arange(mesh.element_count), element_set(mesh, name, key)), len(materials))
+    materials.append(Material(name, np.nan, np.nan, np.nan))
+    return mesh, len(materials) - 1
+
+
+def _made_of(mesh: Mesh, chosen: BoolArray, place: int) -> Mesh:
+    """A mesh whose chosen elements (e,) have the material at a place."""
+    rows = zip(mesh.blocks, mesh.split(chosen), strict=True)
+    return replace(mesh, blocks=tuple(replace(b, material=np.where(own, place, b.material)) for b, own in rows))
 
 
 def _with(material: Material, table: MaterialConstants, keys: Sequence[str], units: UnitSystem) -> Material:
     scale = {"youngs_modulus": units.stress, "poissons_ratio": 1.0, "density": units.density}
-    values = {key: getattr(table, key) * scale[key] for key in keys}
     # Constants of directions do not survive a modulus without any.
-    found = replace(material, **values)
+    found = replace(material, **{key: getattr(table, key) * scale[key] for key in keys})
     return found if set(keys) <= {"density"} else replace(found, constants=None, layers=())
 
 
