@@ -27,9 +27,10 @@ typedef struct {
     int64_t *pivot;
     double blocks[2 * BLOCKS];
 } Room;
-/* Numbers found on the way: the largest deflection; how soft an interface is; by how much second order within frames moves
- * interfaces, of that what more frames do not change, and flattening; strain. */
-enum { REACH, SOFT, OWN, WITHIN, FLAT, STRAIN, FOUND };
+/* Numbers found on the way: the largest deflection, and that by inertia; how soft an interface is; by how much second order
+ * within frames moves interfaces, of that what more frames do not change, and flattening; strain; whether joints are taken
+ * without tension. */
+enum { REACH, INERTIA, SOFT, OWN, WITHIN, FLAT, STRAIN, SLACK, FOUND };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = body->p;
@@ -208,6 +209,19 @@ static int factors_of(Body *shadow, Room *room, int opened) {
     return (opened || stable_tangent(room->scaled, room->factor, e, slice)) && lu_factor(room->scaled, room->pivot, e, slice);
 }
 
+/* So small a share of a step that joints are stretched by it as by its derivative, and of a deflection that inertia is none; of the
+ * stiffness, what ringing may leave. */
+static const double SMALL = 1e-3, LEFT = 0.5;
+
+/* Whether the body is soft or not stable since its stiff joints ring, as they do in motion: all begins anew without the tension that
+ * they have for a moment. */
+static int rings(Slice *slice, Room *room) {
+    if (room->found[SLACK] != 0.0 || !(room->found[INERTIA] > SMALL * room->found[REACH])) return 0;
+    if (!slice) room->found[SLACK] = 1.0;
+    if (slice && slice->failed < FAILED_PIECEMEAL) slice->failed = FAILED_TENSE;
+    return 1;
+}
+
 /* One step of Newton's method from the shadow's coordinates towards its equilibrium, in place, and the softest eigenvalue of
  * its tangent in the last one; 0 where that is not stable. In motion inertia holds what is left of the body's own forces, and
  * so it does in the shadow. */
@@ -219,13 +233,14 @@ static int newton_step(Body *shadow, Room *room, const double *inputs, double *b
     if (over(slice)) return 1;
     int64_t began = enter_block(slice, blocks + FACTORS);
     if (began >= 0) {
-        if (!factors_of(shadow, room, opened && !last)) return 0;
+        if (!factors_of(shadow, room, opened && !last)) return rings(slice, room), 0;
         leave_block(slice, began, blocks + FACTORS);
     }
     if (over(slice)) return 1;
     if (last) find_softest(shadow, room, blocks);
     lu_solve_one(room->scaled, room->pivot, room->left + first, e, slice);
     if (!due(slice, (double)(12 * e))) return 1;
+    if (last && room->found[SOFT] < LEFT && rings(slice, room)) return 0;
     for (int64_t i = 0; i < e; i++) room->q[first + i] += room->left[first + i] / p->omega[first + i];
     for (int64_t i = 0; i < m; i++)
         if (!isfinite(room->q[i])) return fails(slice);
@@ -234,9 +249,6 @@ static int newton_step(Body *shadow, Room *room, const double *inputs, double *b
 
 /* Cost of placing a body: of many calls, and of products that go by vectors. */
 static const double CALLS = 6000.0, OF_VECTORS = 0.6;
-
-/* So small a share of a step that joints are stretched by it as by its derivative. */
-static const double SMALL = 1e-3;
 
 /* Tension of joints that a step of Newton's method, already made, has found. */
 static void tense_by_step(Body *shadow, Room *room) {
@@ -366,7 +378,7 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
         configure(body, q, &at);
         places_in(p, &at, room->moved);
         memset(room->tense, 0, (size_t)(12 * shadow->p->ties) * sizeof(double));
-        if (p->ties) tie_tension(body, &at, room->tense);
+        if (p->ties && room->found[SLACK] == 0.0) tie_tension(body, &at, room->tense);
         room->found[OWN] = 0.0;
         if (p->curved) places_by_frames(body, &at, room->plain);
         if (p->curved) room->found[OWN] = apart(room->moved, room->plain, p->interfaces, room->bent);
@@ -379,8 +391,9 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
     }
     if (due(slice, CALLS)) {
         const double now = apart(room->moved, room->other, p->interfaces, room->error);
-        const double reach = reach_of(p, room->error, now);
-        room->found[REACH] = fmax(reach, deflection_by(body, room->rest, room));
+        const double inertia = deflection_by(body, room->rest, room);
+        room->found[REACH] = fmax(reach_of(p, room->error, now), inertia);
+        room->found[INERTIA] = p->ties ? inertia : 0.0;
     }
     leave_block(slice, began, room->blocks + BODY);
     return 1;
@@ -402,9 +415,13 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
     shadow->slice = slice;
     if (due(slice, 0.0)) {
         memset(room->found, 0, FOUND * sizeof(double));
+        room->found[SLACK] = slice && slice->slack;
         memset(room->error, 0, (size_t)(2 * interfaces) * sizeof(double));
     }
-    if (body_at(body, shadow, inputs, q, room) && (over(slice) || newton_steps(shadow, room, inputs, opened, again))) {
+    int known = body_at(body, shadow, inputs, q, room) && (over(slice) || newton_steps(shadow, room, inputs, opened, again));
+    if (!known && !slice && room->found[SLACK] != 0.0)
+        known = body_at(body, shadow, inputs, q, room) && newton_steps(shadow, room, inputs, opened, again);
+    if (known) {
         if (over(slice)) {
             shadow->slice = 0;
             return;

@@ -1,6 +1,7 @@
 #include "instance_state.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 static const char MARK[] = "flexstat";
@@ -69,7 +70,7 @@ const char *instance_restore(Instance *x, const void *block, int64_t size) {
     /* What the slices of a look have found is of the state that it looks at. */
     const int64_t looked = (x->modes + x->loads) * (int64_t)sizeof(double);
     if (memcmp(x->kept + (x->states - x->numbers), x->states, (size_t)looked) != 0 ||
-        x->kept[x->single - x->numbers + S_LOOKING] != x->single[S_LOOKING] || x->kept[x->single - x->numbers + S_LOOKING + 1] != x->single[S_LOOKING + 1])
+        memcmp(x->kept + (x->single - x->numbers) + S_LOOKING, x->single + S_LOOKING, offsetof(Looking, slices)) != 0)
         x->pieces.begun = 0;
     memcpy(x->numbers, x->kept, (size_t)x->number_count * sizeof(double));
     if (!same) instance_forget_body(x);

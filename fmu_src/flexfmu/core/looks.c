@@ -275,9 +275,10 @@ static double slice_size(const Body *body) {
 static const double FEW = 12.0;
 
 /* A look is under way: how many slices it takes is counted when it goes on. */
-static void begin_look(const Monitor *monitor, int kind, int begun, Memory *memory) {
+static void begin_look(const Monitor *monitor, int kind, int begun, double slack, Memory *memory) {
     Looking *now = &memory->looking;
     now->under_way = 1.0;
+    now->slack = slack;
     now->look = kind;
     now->done = now->slices = 0.0;
     monitor->pieces->begun = begun;
@@ -294,7 +295,7 @@ static void next_look(const Monitor *monitor, Memory *memory) {
         memcpy(memory->states, memory->states + (1 + kind) * size, (size_t)size * sizeof(double));
         now->waiting[kind] = 0.0;
         now->deflection = now->deflections[kind];
-        begin_look(monitor, kind, 0, memory);
+        begin_look(monitor, kind, 0, 0.0, memory);
         return;
     }
 }
@@ -312,7 +313,7 @@ void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
         return;
     }
     if (pieces->begun != COUNTED) {
-        *slice = (Slice){.whole = pieces->whole[kind]};
+        *slice = (Slice){.whole = pieces->whole[kind], .slack = now->slack != 0.0};
         for (int64_t i = 0; kind == LOOK_CAUSE && i < monitor->body->p->loads; i++) slice->whole += inputs[i] != 0.0 ? pieces->by_load : 0.0;
         if (kind < WAITING)
             memcpy(pieces->arena.start, pieces->laid_out + kind * LAID_OUT, LAID_OUT * sizeof(double));
@@ -339,8 +340,10 @@ void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
     pieces->begun = 0;
     if (slice->failed == FAILED_PIECEMEAL)
         look_at_once(monitor, kind, q, inputs, now->deflection, memory, found);
+    else if (slice->failed == FAILED_TENSE)
+        begin_look(monitor, kind, 0, 1.0, memory);
     else if (!concluded(monitor, kind, follows, now->deflection, inputs, memory, found))
-        begin_look(monitor, kind + FOLLOWING, FOLLOWS, memory);
+        begin_look(monitor, kind + FOLLOWING, FOLLOWS, 0.0, memory);
 }
 
 void finish_looks(const Monitor *monitor, Memory *memory, Findings *found) {

@@ -39,7 +39,8 @@ enum { LOOK_ERROR, LOOK_STABILITY, LOOK_MISSED, LOOK_CAUSE, LOOK_HOW_MUCH, LOOKS
 /* What follows where a look finds something to tell of. */
 enum { FOLLOWING = LOOK_CAUSE - LOOK_STABILITY, WAITING = LOOK_CAUSE, STATES = 1 + WAITING };
 typedef struct {
-    double under_way, look, slices, done; /* whether one is; which; slices that it takes, and that were done */
+    double under_way, look, slack; /* whether one is; which; whether joints have no tension in it */
+    double slices, done;           /* those that it takes, and that were done */
     double deflection, waiting[WAITING], deflections[WAITING]; /* at the state looked at; how much those that wait weigh, 0: none */
 } Looking;
 
