@@ -4,6 +4,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 import zipfile
 from pathlib import Path
 
@@ -54,6 +56,8 @@ class Trouble(Fmi2Slave):
                 os.kill(os.getpid(), signal.SIGSEGV)
             if self.kind == 3:
                 print("asleep", flush=True)
+                if "ASLEEP" in os.environ:
+                    open(os.environ["ASLEEP"], "w").close()
                 time.sleep(1e6)
             if self.kind == 4:
                 print("x" * 10**6)
@@ -151,6 +155,31 @@ def test_ctrl_c_twice_ends_a_run_whose_foreign_fmu_never_returns(folder):
             assert any(word in line for line in job.stderr)
             job.send_signal(signal.SIGINT)
         assert job.wait(30.0) != 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of threads are POSIX")
+def test_ctrl_c_is_heard_though_it_comes_just_before_the_run_waits_for_its_foreign_fmu(folder, tmp_path, monkeypatch):
+    """A signal that another thread takes interrupts no wait, as one that comes a moment before."""
+    asleep = tmp_path / "asleep"
+    monkeypatch.setenv("ASLEEP", str(asleep))
+    own = signal.getsignal(signal.SIGINT)
+
+    def press():
+        for waits in (lambda: not asleep.exists(), lambda: signal.getsignal(signal.SIGINT) is not own):
+            end = time.monotonic() + 30.0
+            while waits() and time.monotonic() < end:
+                time.sleep(0.01)
+            signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+
+    thread = threading.Thread(target=press)
+    thread.start()
+    begun = time.monotonic()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            coupled(folder, 3)
+    finally:
+        thread.join()
+    assert time.monotonic() - begun < 45.0
 
 
 @pytest.mark.parametrize("scheme", ["jacobi", "iterated"])

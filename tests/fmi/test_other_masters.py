@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import zipfile
 from pathlib import Path
 from urllib.parse import quote
@@ -124,18 +125,48 @@ def on_tip(loads):
     return {"tip": [loads.get(f"tip.{quantity}.{axis}", 0.0) for quantity in ("force", "moment") for axis in "xyz"]}
 
 
+class Server:
+    """Another master, imported once, and each run in a copy of that process."""
+
+    def __init__(self, name):
+        command = [PYTHONS.get(name, sys.executable), str(SCRIPTS / "python_masters.py"), name]
+        self._job = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def run(self, arguments):
+        """How the run ended, what it printed, and its errors."""
+        with tempfile.TemporaryDirectory() as folder:
+            said = [Path(folder) / "printed", Path(folder) / "errors"]
+            print(json.dumps([arguments, [*map(str, said)], int(DEADLINE)]), file=self._job.stdin, flush=True)
+            ending = self._job.stdout.readline()
+            return int(ending), *(file.read_text(encoding="utf-8", errors="replace") for file in said)
+
+    def close(self):
+        """End it."""
+        self._job.communicate()
+
+
+SERVERS = {}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _servers():
+    yield
+    while SERVERS:
+        SERVERS.popitem()[1].close()
+
+
 def run_of(name, path, texts, later, step=STEP):
     """A run in another master, in a process with a deadline: outputs, or None, and all it says."""
     if name not in PYTHONS and importlib.util.find_spec(MODULES.get(name, name)) is None and shutil.which(name) is None:
         how = "build it from the Reference FMUs' sources, put it on the PATH"
         pytest.skip(f"{name} is not there: {how if name == 'fmusim' else 'pip install ' + name.replace('_', '-')}")
-    arguments = json.dumps([str(path), texts, LOADS, later, step, COUNT, OUTPUTS])
-    command = [PYTHONS.get(name, sys.executable), str(SCRIPTS / "python_masters.py"), name, arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE, check=False)
-    if done.returncode and "libtbb" in done.stderr:
+    if name not in SERVERS:
+        SERVERS[name] = Server(name)
+    code, printed, errors = SERVERS[name].run([str(path), texts, LOADS, later, step, COUNT, OUTPUTS])
+    if code and "libtbb" in errors:
         pytest.skip("ecospy needs oneTBB: the package tbb, or Debian's libtbb12")
-    rows = [json.loads(line[len(MARK) :]) for line in done.stdout.splitlines() if line.startswith(MARK)]
-    return rows[-1] if rows else None, f"{name} ended with {done.returncode}:\n{done.stdout}\n{done.stderr}"
+    rows = [json.loads(line[len(MARK) :]) for line in printed.splitlines() if line.startswith(MARK)]
+    return rows[-1] if rows else None, f"{name} ended with {code}:\n{printed}\n{errors}"
 
 
 def rows_of_the_page():

@@ -1,16 +1,23 @@
 """The same run in several masters that are Python packages: `python python_masters.py MASTER ARGUMENTS`.
 
+Without arguments it imports what the master needs and answers line by line: each run is in a copy of the process.
+
 Each function steps an FMU under loads that are set before initialisation ends, and under others from the middle of the
 run on, and returns the outputs after every step.
 """
 
+import ast
 import contextlib
 import ctypes
+import importlib
+import inspect
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
+import traceback
 from pathlib import Path
 
 import fmpy
@@ -124,10 +131,15 @@ def run_libcosimpy(path, texts, loads, later, step, count, outputs):
     return rows
 
 
-def run_ecospy(path, texts, loads, later, step, count, outputs):
-    """Ecos; its library needs oneTBB, which the package of that name brings, too."""
+def load_tbb():
+    """oneTBB, which Ecos' library needs and the package of that name brings, too."""
     with contextlib.suppress(OSError):
         ctypes.CDLL(str(Path(sys.prefix) / "lib" / "libtbb.so.12"), ctypes.RTLD_GLOBAL)
+
+
+def run_ecospy(path, texts, loads, later, step, count, outputs):
+    """Ecos."""
+    load_tbb()
     from ecospy import EcosSimulation, EcosSimulationStructure
     from ecospy.lib import EcosLib
 
@@ -271,12 +283,51 @@ def run_fmusim(path, texts, loads, later, step, count, outputs):
     return found[1:]
 
 
-def main():
-    name, arguments = sys.argv[1], json.loads(sys.argv[2])
+def answered(name, arguments):
+    """Run, print and end."""
     print(MARK + json.dumps(globals()[f"run_{name}"](*arguments)), flush=True)
     # Not by the interpreter's exit: there pythonfmu's library may crash a process that has done its work.
     os._exit(0)
 
 
+def import_for(name):
+    """What the master's function imports."""
+    if name == "ecospy":
+        load_tbb()
+    for node in ast.walk(ast.parse(inspect.getsource(globals()[f"run_{name}"]))):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            for module in [node.module] if isinstance(node, ast.ImportFrom) else [one.name for one in node.names]:
+                # It is imported, or its error is told, by each run.
+                with contextlib.suppress(Exception):
+                    importlib.import_module(module)
+
+
+def serve(name):
+    """Run once for each line: arguments, files for what is said, s that it may take; answer how it ended."""
+    import_for(name)
+    for line in sys.stdin:
+        arguments, said, deadline = json.loads(line)
+        if not hasattr(os, "fork"):
+            with Path(said[0]).open("w") as printed, Path(said[1]).open("w") as errors:
+                command = [sys.executable, __file__, name, json.dumps(arguments)]
+                done = subprocess.run(command, stdout=printed, stderr=errors, timeout=deadline, check=False)
+            print(done.returncode, flush=True)
+            continue
+        child = os.fork()
+        if child == 0:
+            try:
+                signal.alarm(deadline)
+                for stream in (1, 2):
+                    os.dup2(os.open(said[stream - 1], os.O_WRONLY | os.O_CREAT | os.O_TRUNC), stream)
+                answered(name, arguments)
+            except BaseException:
+                traceback.print_exc()
+                sys.stderr.flush()
+            os._exit(1)
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+
+
 if __name__ == "__main__":
-    main()
+    if len(sys.argv) > 2:
+        answered(sys.argv[1], json.loads(sys.argv[2]))
+    serve(sys.argv[1])

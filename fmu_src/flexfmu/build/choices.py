@@ -138,9 +138,7 @@ def plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, Mapping):
         return {key: plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple | range):
-        return [plain(one) for one in value]
-    return value
+    return [plain(one) for one in value] if isinstance(value, list | tuple | range) else value
 
 
 def checked_spec(data: dict[str, Any]) -> BodySpec:

@@ -129,9 +129,7 @@ class BodySpec(Table):
         Without the key all of them, unless modes or their damping ratios are listed one by one.
         """
         said = self.reduction.residual_flexibility
-        if said is None:
-            return self.reduction.basis is plain.Basis.NORMAL and not self._listed
-        return said
+        return self.reduction.basis is plain.Basis.NORMAL and not self._listed if said is None else said
 
     @property
     def _listed(self) -> bool:

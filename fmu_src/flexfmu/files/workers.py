@@ -7,6 +7,8 @@ import os
 import pickle
 import queue
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -160,11 +162,23 @@ class Worker:
         self._answers.put(None)
 
 
+def _answers() -> tuple[int, int]:
+    """Ends of a pipe, to read and to write.
+
+    On POSIX whoever reads looks up ten times a second: a signal may have come just before it waited.
+    """
+    if sys.platform == "win32":
+        return os.pipe()
+    ends = socket.socketpair()
+    ends[0].setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, 100_000))
+    return ends[0].detach(), ends[1].detach()
+
+
 class _Spawned:
     """A new Python that serves."""
 
     def __init__(self, maker: str, memory: int):
-        theirs, ours = zip(os.pipe(), reversed(os.pipe()), strict=True)
+        theirs, ours = zip(os.pipe(), reversed(_answers()), strict=True)
         self.ends: tuple[int, ...] = ours[::-1]
         for end in theirs:
             os.set_inheritable(end, True)

@@ -151,9 +151,7 @@ def hanging(model: Model, config: BodyOptions) -> IntArray:
 
 def fixable_root(config: BodyOptions, model: Model) -> int:
     """The same where a scene may fix it: the body moves freely, and the basis holds its constraint modes."""
-    if model.rigid.shape[1] and config.basis.kind is Basis.CRAIG_BAMPTON:
-        return config.root_place
-    return GROUND
+    return config.root_place if model.rigid.shape[1] and config.basis.kind is Basis.CRAIG_BAMPTON else GROUND
 
 
 # Weight of all nodes that are added to a line or a point, over all of theirs.

@@ -172,8 +172,6 @@ def body_text(config: BodyFile, folder: Path, header: Sequence[str], reasons: Ma
 
 
 def _comment(text: str) -> list[str]:
-    if not text:
-        return []
     return [f"# {line}" for line in textwrap.wrap(text, _WIDTH, break_long_words=False)]
 
 
