@@ -209,14 +209,14 @@ static int factors_of(Body *shadow, Room *room, int opened) {
     return (opened || stable_tangent(room->scaled, room->factor, e, slice)) && lu_factor(room->scaled, room->pivot, e, slice);
 }
 
-/* So small a share of a step that joints are stretched by it as by its derivative, and of a deflection that inertia is none; of the
- * stiffness, what ringing may leave. */
-static const double SMALL = 1e-3, LEFT = 0.5;
+/* So small a share of a step that joints are stretched by it as by its derivative; of a deflection what inertia makes of it where
+ * joints ring (nearly all of it), and of the stiffness what they may leave. */
+static const double SMALL = 1e-3, RINGING = 0.05, LEFT = 0.5;
 
 /* Whether the body is soft or not stable since its stiff joints ring, as they do in motion: all begins anew without the tension that
  * they have for a moment. */
 static int rings(Slice *slice, Room *room) {
-    if (room->found[SLACK] != 0.0 || !(room->found[INERTIA] > SMALL * room->found[REACH])) return 0;
+    if (room->found[SLACK] != 0.0 || !(room->found[INERTIA] > RINGING * room->found[REACH])) return 0;
     if (!slice) room->found[SLACK] = 1.0;
     if (slice && slice->failed < FAILED_PIECEMEAL) slice->failed = FAILED_TENSE;
     return 1;
