@@ -28,8 +28,9 @@ from .joining import Weld, join_parts
 from .loops import LoopSection, inner_sections, loop_sections, support_groups
 
 # How much of the turning (mean square) frames of the parts have to take away: a twist-beam axle has 9 to 12, a beam
-# held at both ends and an arch 5, a portal frame 1.5, a ring on two feet 1.1.
-_PAYS = 3.0
+# held at both ends and an arch 5, a portal frame 1.5 to 2.3, a ring on two feet 1.1. Of three arms and more at a hub,
+# where one piece opens two loops, less: three curved arms have 6.4, three folded ones 2.3, cut 20 to 50 times as right.
+_PAYS, _PAYS_OF_ARMS = 3.0, 2.0
 # Share of stretching above which stretch stops a body before its material turns by half a radian, the most that is
 # trusted within a frame: a beam held at both ends has 85, an arch 9, a twist-beam axle 0.02 to 0.4.
 _STOPS = 4.0
@@ -161,7 +162,7 @@ def _decided(config: BodyOptions, matrices: Matrices, parts: list[Part]) -> tupl
     fields, _ = FourthOrder(matrices).responses(forces := np.hstack(nodal))
     gain = turning_taken(mesh, fields, [part.elements for part in parts])
     begin = f"supports close a loop: frames of its {len(parts)} parts leave 1/{gain:.2g} of the turning of one frame"
-    if gain < _PAYS:
+    if gain < (_PAYS if len(parts) < 3 else _PAYS_OF_ARMS):
         return False, False, f'{begin}; the body stays in one piece (cut = "auto" cuts it)'
     if energy_shares(matrices, forces)[0] > _STOPS:
         return False, True, f"{begin}, but stretch stops it before it turns far: one piece, one frame"
