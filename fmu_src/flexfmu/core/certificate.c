@@ -28,9 +28,9 @@ typedef struct {
     double blocks[2 * BLOCKS];
 } Room;
 /* Numbers found on the way: the largest deflection, and that by inertia; how soft an interface is; by how much second order
- * within frames moves interfaces, of that what more frames do not change, and flattening; strain; whether joints are taken
- * without tension. */
-enum { REACH, INERTIA, SOFT, OWN, WITHIN, FLAT, STRAIN, SLACK, FOUND };
+ * within frames moves interfaces, of that what more frames do not change, flattening, and membrane energy; strain; whether
+ * joints are taken without tension. */
+enum { REACH, INERTIA, SOFT, OWN, WITHIN, FLAT, STRETCHED, STRAIN, SLACK, FOUND };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = body->p;
@@ -314,15 +314,15 @@ static double share_of(const Program *p, const double *error, double deflection)
 /* What goes onto the bound: half of the errors beyond 0.3 % are estimated below 0.6 of what they are. */
 static const double MARGIN = 1.25;
 
-/* The deflection by which sections flatten. */
-static double moved_by_flattening(Body *body, Room *room, const double *q) {
+/* The deflection by membrane energy, or by what flattens sections alone. */
+static double moved_by_stretching(Body *body, Room *room, const double *q, int flattens) {
     const Program *p = body->p;
     Arena arena = work_arena(body);
     Stretch at;
     take_stretch(body, &arena, &at);
     if (arena.refused) return 0.0;
     stretch_at(body, q, &at);
-    for (int64_t r = 0; r < p->stretches; r++)
+    for (int64_t r = 0; flattens && r < p->stretches; r++)
         if (p->stretch_sign[r] > 0.0) at.bent[r] = at.whole[r] = 0.0;
     memset(room->rest, 0, (size_t)p->modes * sizeof(double));
     subtract_stretch_force(body, &at, &at, room->rest);
@@ -331,11 +331,13 @@ static double moved_by_flattening(Body *body, Room *room, const double *q) {
 
 /* Bound of an error of which the shadow finds a share: near a critical load what it does not see grows as well, and the next
  * order after the second, `within` of the deflection, is that of a cosine. Of flattening, `flat` of it, only the first order is
- * known: in tubes and pipe bends what is missed is 0.2 to 2 times as much. Large strain neither knows: a bar that is pulled by
- * EA (e + 3/2 e^2 + 1/2 e^3) is off by 2 e^2, and strain is larger than its mean. */
-static double bound_of(double share, double soft, double within, double flat, double strain) {
+ * known: in tubes and pipe bends what is missed is 0.2 to 2 times as much. So it is of membrane energy, by which `stretched` of it
+ * is missing: of cones and saddles as much again is missed, or five times the square of the motion of second order. Large strain
+ * neither knows: a bar that is pulled by EA (e + 3/2 e^2 + 1/2 e^3) is off by 2 e^2, and strain is larger than its mean. */
+static double bound_of(double share, double soft, double within, double flat, double stretched, double strain) {
     if (!(share > 0.0)) return 0.0;
-    return MARGIN * (share / sqrt(soft) + within * within / 6.0 + 2.0 * flat) + 4.0 * strain * strain;
+    return MARGIN * (share / sqrt(soft) + within * within / 6.0 + 2.0 * flat + fmin(stretched, 5.0 * within * within)) +
+           4.0 * strain * strain;
 }
 
 /* The shadow's coordinates where shapes of second order stay coordinates that are none of the body's: there they have the
@@ -436,7 +438,8 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
             const double own = room->found[OWN], finer = apart(room->other, room->plain, interfaces, room->bent);
             room->found[WITHIN] = fmax(own - fabs(own - finer), 0.0);
         }
-        if (due(slice, CALLS + (double)(2 * body->p->stretch_numbers))) room->found[FLAT] = moved_by_flattening(body, room, q);
+        if (due(slice, CALLS + (double)(2 * body->p->stretch_numbers))) room->found[FLAT] = moved_by_stretching(body, room, q, 1);
+        if (due(slice, CALLS + (double)(2 * body->p->stretch_numbers))) room->found[STRETCHED] = moved_by_stretching(body, room, q, 0);
         if (due(slice, CALLS + (double)(6 * body->p->strains * body->p->modes))) room->found[STRAIN] = body_strain(body, q);
     } else if (!slice || slice->failed) {
         room->found[SOFT] = 0.0;
@@ -449,12 +452,14 @@ void error_found(const Body *body, const Body *shadow, Arena arena, double *erro
     const Room *room = room_in(shadow, &arena, 0);
     const double *found = room->found;
     const int opened = has_opened(shadow->p, p);
+    /* Where shapes of second order stay coordinates membrane energy is most of it, and known. */
+    const double stretched = shadow->opened->keeps_shapes ? 0.0 : found[STRETCHED];
     *deflection = fmax(*deflection, found[REACH]);
     *share = *bound = share_of(p, room->error, *deflection);
     /* A shadow with loops opened: its frames are others, and joints that a step closes pull. */
     if (found[SOFT] > 0.0 && *deflection > 0.0)
         *bound = bound_of(*share, opened ? 1.0 : found[SOFT], opened ? 0.0 : found[WITHIN] / *deflection, found[FLAT] / *deflection,
-                          found[STRAIN]);
+                          stretched / *deflection, found[STRAIN]);
     for (int64_t i = 0; i < 2 * p->interfaces; i++) error[i] = *share == 0.0 ? 0.0 : room->error[i];
 }
 
