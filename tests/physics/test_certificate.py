@@ -149,8 +149,13 @@ def coned_ring():
     cells = np.array([cell for cell in grid(5, 8, 1) if cell[0] == 4 or 2 <= cell[1] < 6])
 
     def place(p):
-        radius, angle = np.where(p[:, 0] <= 4.0, 0.03 + 0.01 * p[:, 0], 0.07 + 0.02 * (p[:, 0] - 4.0)), p[:, 1] * np.pi / 12
-        return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0.2 * (0.09 - radius) + 0.0022 * p[:, 2]])
+        radius, angle = (
+            np.where(p[:, 0] <= 4.0, 0.03 + 0.01 * p[:, 0], 0.07 + 0.02 * (p[:, 0] - 4.0)),
+            p[:, 1] * np.pi / 12,
+        )
+        return np.column_stack(
+            [radius * np.cos(angle), radius * np.sin(angle), 0.2 * (0.09 - radius) + 0.0022 * p[:, 2]]
+        )
 
     mesh = with_sets(
         lattice(ElementType.C3D20, cells, place),
