@@ -14,7 +14,7 @@ from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.methods import Method
 from flexfmu.study.stability import BodyPrograms, DrivenSlave
-from meshes import arc, body_file, box, with_sets
+from meshes import arc, bars, body_file, box, with_sets
 from references import body_without_error
 
 BEAM = Beam()
@@ -71,6 +71,30 @@ def test_a_column_beyond_its_critical_load_is_refused_where_the_formulation_know
     body.static({"tip": [-0.97 * BEAM.critical_load, 0.0, 0.0]})
     with pytest.raises(EquilibriumError, match="critical load"):
         body.static({"tip": [-1.05 * BEAM.critical_load, 0.0, 0.0]})
+
+
+def test_a_boom_on_a_stay_is_near_its_critical_load_where_it_is_pressed_and_not_where_it_is_blown_aside(tmp_path):
+    """Aside, what bends stay and boom lies in what was their stiff plane: no frequency falls; the tangent does."""
+    mesh = bars(ElementType.C3D20, [((0, 0, 0), (10, 0, 0)), ((0, 0, 2), (10, 0, 2)), ((10, 0, 1), (10, 0, 1))])
+    x, y, z = mesh.points.T
+    between = np.clip(z - 1.0, 0.0, 1.0) * (0.004 + 0.16 * np.clip(1.0 - 0.1 * x, 0.0, 1.0))
+    height = 0.012 * np.clip(z, 0.0, 1.0) + between + 0.006 * np.clip(z - 2.0, 0.0, 1.0)
+    mesh = replace(mesh, points=np.stack([0.05 * x, 0.014 * y, height], axis=1))
+    mesh = with_sets(mesh, ROOT=lambda p: p[:, 0], TIP=lambda p: p[:, 0] - 0.55)
+    body = FlexibleBody(reduce_body(body_file(mesh, tmp_path, interface=["TIP"]), Reporter()))
+    found = {}
+    for case, force in {"aside": [0.0, 500.0, 0.0], "pressed": [-6000.0, 0.0, 0.0]}.items():
+        state, inputs = body.static({"tip": force}), np.array([*force, 0.0, 0.0, 0.0])
+        squares, omega = np.linalg.eigvalsh(body.tangent(state, inputs)), body.model.angular_frequency
+        over_rest = np.linalg.eigvalsh(body.tangent(state, inputs) / np.outer(omega, omega))[0]
+        found[case] = body.stability(state, inputs)[0], squares[0] / omega[0] ** 2, over_rest
+    margin, square, over_rest = found["aside"]
+    assert over_rest < 0.05
+    assert square > 0.98
+    assert margin > 0.5
+    margin, square, _ = found["pressed"]
+    assert margin == pytest.approx(square, rel=0.1)
+    assert margin < 0.1
 
 
 def test_a_static_start_beyond_a_limit_fails_where_it_is_to_end_the_simulation():

@@ -52,6 +52,14 @@ static Room *room_in(const Body *body, Arena *arena, const Slice *slice) {
 
 void stability_demand(const Body *body, Arena *arena) { room_in(body, arena, 0); }
 
+/* Of bodies that stretch, stiffness counts as that of so many times the lowest frequency at the most: where a thin sheet has
+ * turned by a degree, what bends it lies in what was its own plane, and is no softer for that. */
+static const double STIFFEST = 10.0;
+
+static double unloaded_frequency(const Program *p, int64_t i) {
+    return p->stretches ? fmin(p->omega[i], STIFFEST * p->omega[p->elastic_first]) : p->omega[i];
+}
+
 /* The scaled tangent (e, e) in room->scaled of the body as room->at is configured, e is returned. */
 static int64_t scaled_tangent(Body *body, const double *inputs, Room *room) {
     const Program *p = body->p;
@@ -65,7 +73,8 @@ static int64_t scaled_tangent(Body *body, const double *inputs, Room *room) {
         for (int64_t i = now.at; i < now.end; i++)
             for (int64_t j = 0; j < e; j++) {
                 const int64_t a = (first + i) * m + first + j, b = (first + j) * m + first + i;
-                room->scaled[i * e + j] = 0.5 * (room->tangent[a] + room->tangent[b]) / (p->omega[first + i] * p->omega[first + j]);
+                const double unloaded = unloaded_frequency(p, first + i) * unloaded_frequency(p, first + j);
+                room->scaled[i * e + j] = 0.5 * (room->tangent[a] + room->tangent[b]) / unloaded;
             }
         return e;
     }
