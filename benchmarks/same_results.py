@@ -180,7 +180,7 @@ def statics(body: flexfmu.FlexibleBody, force: float) -> Iterator[tuple[str, Any
         yield f"static {turn}: tangent", body.tangent(state, inputs)
         yield f"static {turn}: stability", body.stability(state, inputs)[0]
         yield f"static {turn}: stiffness missed", body.stiffness_missed(inputs)
-        yield f"static {turn}: rotation", body.rotation_within_frames(state)
+        yield f"static {turn}: rotation", body.core.rotations(state.q)
         yield f"static {turn}: compliance", body.compliance(state, inputs, 1e-3, [0])
 
 

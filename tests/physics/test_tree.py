@@ -256,8 +256,9 @@ def test_small_motions_are_modal_superposition_to_second_order():
 
 def test_rotation_within_frames_is_that_of_the_material_against_its_frame():
     model = random_body()
-    state = State(0.05 * np.random.default_rng(4).standard_normal(6), np.zeros(6))
-    found = FlexibleBody(model, COROTATED).rotation_within_frames(state)
+    body, state = FlexibleBody(model, COROTATED), State(0.05 * np.random.default_rng(4).standard_normal(6), np.zeros(6))
+    found = np.zeros(5)
+    np.maximum.at(found, body.core.turning_frame, body.core.rotations(state.q))
     frame = model.frame_rotation @ state.q
     for s in range(5):
         sections = [model.joint_rotation[s] @ state.q]
@@ -265,3 +266,4 @@ def test_rotation_within_frames_is_that_of_the_material_against_its_frame():
         sections += [model.interface_rotation[i] @ state.q for i in range(3) if model.interface_frame[i] == s]
         largest = max(np.linalg.norm(section - frame[s]) for section in sections)
         assert found[s] == pytest.approx(largest, rel=1e-12)
+    assert body.largest_rotation(state) == pytest.approx(found.max(), rel=1e-15)

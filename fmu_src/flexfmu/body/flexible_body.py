@@ -334,32 +334,11 @@ class FlexibleBody:
         """Mass M(q), (m, m): the identity for that of the undeformed body."""
         return self.core.mass(state.q)
 
-    def rotation_within_frames(self, state: State) -> FloatArray:
-        """How far the material turns within each frame, the measure of trust in it (good to about 0.5 rad).
-
-        For each frame the largest rotation of its own joint, of the joints and of the interfaces that it carries,
-        against its averaged one. Linear kinematics count as one frame on the ground.
-
-        Parameters
-        ----------
-        state : State
-
-        Returns
-        -------
-        (S,) float, or (1,) for linear kinematics
-            rad.
-
-        Examples
-        --------
-        >>> arm.rotation_within_frames(arm.static({"tip": [0.0, 20e3, 0.0]})).round(2)
-        array([0.04, 0.02])
-        """
-        largest = np.zeros(max(self.core.frames, 1))
-        np.maximum.at(largest, self.core.turning_frame, self.core.rotations(state.q))
-        return largest
-
     def largest_rotation(self, state: State) -> float:
-        """Largest rotation within any frame, rad."""
+        """Largest rotation of material within its frame, rad: of joints and interfaces against its averaged one.
+
+        Linear kinematics count as one frame on the ground.
+        """
         return self.core.largest_rotation(state.q)
 
     def stability(self, state: State, inputs: FloatArray) -> tuple[float, FloatArray]:

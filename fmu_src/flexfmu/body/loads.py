@@ -6,10 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..files.basics import FloatArray, LoadError
-from ..model.reduced_body import ReducedBody
 from ..program.variable_table import ACCELERATION
-
-_QUANTITIES = ("force", "moment")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +44,10 @@ class Loads:
         return Loads(factor * self.force, factor * self.moment, factor * self.acceleration)
 
 
-def load_names(model: ReducedBody) -> list[str]:
-    """Names of a body's loads in the order of `Loads.packed`: those of its FMU's inputs."""
-    wrench = [f"{i}.{quantity}.{axis}" for i in model.interface_names for quantity in _QUANTITIES for axis in "xyz"]
-    return wrench + ([] if model.masses is None else [f"{ACCELERATION}.{axis}" for axis in "xyz"])
+def load_names(interfaces: Sequence[str], accelerated: bool) -> list[str]:
+    """Names of loads in the order of `Loads.packed`: a body's are those of its FMU's inputs."""
+    wrench = [f"{name}.{kind}.{axis}" for name in interfaces for kind in ("force", "moment") for axis in "xyz"]
+    return wrench + [f"{ACCELERATION}.{axis}" for axis in "xyz"] * accelerated
 
 
 def loads_from_mapping(

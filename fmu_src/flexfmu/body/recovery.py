@@ -6,13 +6,11 @@ from ..files.basics import FloatArray, IntArray, OptionError
 from ..model.methods import Kinematics, Method, recipe_of
 from ..model.reduced_body import ReducedBody, Surface
 
-LACKS_SURFACE = "the body holds no surface: build it with surface = true in [output], which is the default"
-
 
 def surface_of(model: ReducedBody) -> Surface:
     """The body's surface; OptionError where it was built without."""
     if model.surface is None:
-        raise OptionError(LACKS_SURFACE)
+        raise OptionError("the body holds no surface: build it with surface = true in [output], which is the default")
     return model.surface
 
 

@@ -16,6 +16,7 @@ from ..files.toml_files import toml_value
 from ..mesh.checks import connected_parts, is_likely, linked_pieces, nodes_of_elements
 from ..mesh.formats import read_mesh
 from ..mesh.model import NO_MATERIAL, Mesh
+from ..model.summary import point as point_words
 from ..reduction.model import KEYS, missing
 from ..reduction.options import Nodes, Place, node_set
 from ..reduction.subdomains import elements_within
@@ -187,7 +188,7 @@ def mesh_lines(mesh: Mesh, units: UnitSystem) -> list[str]:
         known = {key.upper(): point for key, point in mesh.references.items()}
         point = known.get(name.upper())
         kind, at = ("centre", mesh.points[rows]) if point is None else ("reference point", point[None])
-        about = f", {kind} {_point(at.mean(axis=0))} {unit}" if len(rows) else ""
+        about = f", {kind} {point_words(at.mean(axis=0))} {unit}" if len(rows) else ""
         lines.append(f"node set {name}: {len(rows)} nodes{about}")
     lines += [f"element set {name}: {len(rows)} elements" for name, rows in mesh.element_sets.items()]
     lines += [
@@ -227,7 +228,7 @@ def mass_lines(mesh: Mesh) -> list[str]:
         total += at_points
         moment += sum((one.mass * one.point for one in mesh.masses), np.zeros(3))
         lines.append(f"mass {total:.5g} kg" + (f", {at_points:.5g} kg of it at points" if mesh.masses else ""))
-    return [*lines, f"centre of {'mass' if weighed else 'volume'} {_point(moment / total)} m"]
+    return [*lines, f"centre of {'mass' if weighed else 'volume'} {point_words(moment / total)} m"]
 
 
 def chosen_nodes(mesh: Mesh, config: BodyFile) -> dict[str, IntArray]:
@@ -400,10 +401,6 @@ def _in_units(mesh: Mesh, units: UnitSystem) -> Mesh:
     """The same geometry in other units than m."""
     references = {name: point / units.length for name, point in mesh.references.items()}
     return replace(mesh, points=mesh.points / units.length, references=references)
-
-
-def _point(place: FloatArray) -> str:
-    return "(" + ", ".join(f"{x:.5g}" for x in place.round(_DIGITS) + 0.0) + ")"
 
 
 def _toml(place: Place) -> str:

@@ -209,7 +209,7 @@ def packed_rows(model: ReducedBody, names: Sequence[str], values: FloatArray) ->
     FlexfmuError
         A column that is no load of the body.
     """
-    known = load_names(model)
+    known = load_names(model.interface_names, model.masses is not None)
     result = np.zeros((len(values), len(known)))
     for column, name in enumerate(names, start=1):
         if name not in known:
@@ -230,7 +230,7 @@ def loads_of(body: FlexibleBody, texts: Sequence[str]) -> tuple[Loads, str]:
     for text in texts:
         name, sign, value = (part.strip() for part in text.partition("="))
         if not sign or not value:
-            known = load_names(body.model)
+            known = load_names(body.model.interface_names, False)
             raise FlexfmuError(f"--load {text}: expected NAME=VALUE, such as {known[min(1, len(known) - 1)]}=5kN")
         names.append(name)
         row.append(quantity(value, name))

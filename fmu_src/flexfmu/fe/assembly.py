@@ -53,11 +53,6 @@ class Unknowns:
         """Tᵀ (k, 3n), where there are equations or shells."""
         return None if self.transform is None else sp.csr_array(self.transform.T)
 
-    @property
-    def of_means(self) -> "Unknowns":
-        """The same unknowns, of which means and differences follow instead of displacements."""
-        return Unknowns(self.free, self.size, self.inner, self.inner)
-
     def matrix(self, whole: sp.csr_array) -> sp.csr_array:
         """Matrix (k, k) of the unknowns of one (3n, 3n) in means and differences."""
         if self.inner is None:

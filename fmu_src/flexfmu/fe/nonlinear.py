@@ -173,7 +173,8 @@ def load_path(
         No equilibrium is found beyond some part of the load.
     """
     body = _Body(mesh, unknowns, spring, bushings)
-    means, unknowns = unknowns.means, unknowns.of_means
+    # Of them follow means and differences instead of displacements.
+    means, unknowns = unknowns.means, Unknowns(unknowns.free, unknowns.size, unknowns.inner, unknowns.inner)
     load = load if means is None else means.T @ load
     size = float(np.linalg.norm(unknowns.forces(load)))
     u = np.zeros(load.size)

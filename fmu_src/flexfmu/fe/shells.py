@@ -243,9 +243,11 @@ def _law(kind: ElementType, nodes: FloatArray, strains: ShellRule, laminate: Lam
     softened = _softening(nodes) if kind is ElementType.S3 else np.ones(len(nodes))
     law = np.zeros((len(nodes), count, count))
     own, mixed = np.zeros((len(nodes), 4, 4)), np.zeros((len(nodes), 4, count))
-    rules = (kind.mass, brick_rule(2)) if kind is ElementType.S8 else ()
-    exact = [Places(kind, nodes, strains, one) for one in rules]
-    mean = _patched(*exact) if exact else {}
+    mean: dict[float, FloatArray] = {}
+    if kind is ElementType.S8:
+        # Assumed strains get the means, above and below, of those of the positions: patches of distorted shells.
+        found, wanted = (Places(kind, nodes, strains, one).means() for one in (kind.mass, brick_rule(2)))
+        mean = {side: wanted[side] - found[side] for side in found}
 
     def patched(q: int) -> FloatArray:
         across = 3.0**0.5 * rule.points[q, 2]
@@ -321,12 +323,6 @@ class Places:
             total = sum(weights[q] * self.turned(q, self.strains(q), back=True) for q in chosen)
             found[side] = np.asarray(total / sum(weights.values()))
         return found
-
-
-def _patched(at: Places, exact: Places) -> dict[float, FloatArray]:
-    """What gives assumed strains the means, above and below, of those of the positions: patches of distorted shells."""
-    found, wanted = at.means(), exact.means()
-    return {side: wanted[side] - found[side] for side in found}
 
 
 def _softening(corners: FloatArray) -> FloatArray:

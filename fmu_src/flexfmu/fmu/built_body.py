@@ -95,7 +95,7 @@ class BuiltBody(FlexibleBody):
         cases = []
         if loads:
             held = self.loads(loads)
-            values = zip(load_names(self.model), held.packed(with_acceleration=False), strict=False)
+            values = zip(load_names(self.model.interface_names, False), held.packed(False), strict=True)
             words = ", ".join(f"{name} = {value:g} {unit_of(name)}" for name, value in values if value)
             cases.append(static_case(self, held, words, report))
         if modes or not cases:
@@ -207,7 +207,7 @@ class BuiltBody(FlexibleBody):
             if stop is None:
                 raise SimulationError('loads have no column "time": give one, or constant loads and stop = … (s)')
             values = self.loads(loads).packed(with_acceleration=False)
-            return load_names(self.model)[: values.size], np.array([[time, *values] for time in (0.0, stop)])
+            return load_names(self.model.interface_names, False), np.array([[time, *values] for time in (0.0, stop)])
         time = columns.pop("time")
         for name, values in columns.items():
             if values.shape != time.shape or time.ndim != 1:

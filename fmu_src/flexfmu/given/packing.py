@@ -26,10 +26,9 @@ from ..mesh.checks import checked
 from ..mesh.in_memory import Contents, from_contents
 from ..mesh.model import Material, Mesh
 from ..model.methods import Mass, Method, Variant, needs
-from ..model.reduced_body import GROUND, Masses, ReducedBody, Surface
+from ..model.reduced_body import GROUND, Masses, ReducedBody
 from ..model.summary import first_frequency
 from ..reduction.bodies import (
-    InterfaceFit,
     body_subdomains,
     fit_interface,
     frame_requests,
@@ -207,12 +206,16 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
         variant=variant,
         provenance={"modes_of": given.name, "nodes": str(len(given.nodes)), "flexfmu_version": own_version()},
     )
+    surface = None
+    if options.surface and mesh.blocks:
+        held = np.flatnonzero(model.fixed.any(axis=1))
+        surface = body_surface(mesh, shapes, subdomains, [interface.nodes for interface in interfaces], held)
     body = made_body(
         use,
         **motion_of_tree(frequency, shapes, interfaces, subdomains, frames),
         whole=whole_frame(model, shapes, options) if several(subdomains) and mesh.blocks else None,
         masses=_masses(given, subdomains, shapes, mesh, rows) if options.acceleration else None,
-        surface=_surface(mesh, shapes, subdomains, interfaces, model) if options.surface else None,
+        surface=surface,
     )
     found = f"{plural(body.mode_count, 'mode')}, {plural(body.frame_count, 'frame')}, {given.nodal_mass.sum():.4g} kg"
     report.note(f"{found}; first frequency {first_frequency(body.angular_frequency)}")
@@ -296,16 +299,6 @@ def _frames(given: GivenModes, options: BodyOptions, model: Model, rows: IntArra
         return floating
     joint = by_node(np.flatnonzero(model.fixed.any(axis=1)))
     return [Subdomain("body", GROUND, none, whole, turn, joint, joint.centre(points))]
-
-
-def _surface(
-    mesh: Mesh, shapes: FloatArray, subdomains: list[Subdomain], interfaces: list[InterfaceFit], model: Model
-) -> Surface | None:
-    """Outer faces for viewing; None without cells."""
-    if not mesh.blocks:
-        return None
-    held = np.flatnonzero(model.fixed.any(axis=1))
-    return body_surface(mesh, shapes, subdomains, [interface.nodes for interface in interfaces], held)
 
 
 def _masses(given: GivenModes, subdomains: list[Subdomain], shapes: FloatArray, mesh: Mesh, rows: IntArray) -> Masses:

@@ -363,6 +363,10 @@ class Mesh:
         """Volumes (n_elements,) over all blocks, m³."""
         return np.concatenate([np.zeros(0), *(matrices.sum(axis=(1, 2)) for matrices in self.volume_matrices)])
 
+    def element_means(self, values: FloatArray) -> FloatArray:
+        """Mean (n_elements, …) over each element's nodes of values (n, …)."""
+        return np.concatenate([values[block.connectivity].mean(axis=1) for block in self.blocks])
+
     def split(self, values: NDArray[Any]) -> list[NDArray[Any]]:
         """Values (n_elements, …) over all blocks, by block."""
         return np.split(values, self.starts[1:-1])

@@ -84,7 +84,7 @@ def modal_bytes(body: ReducedBody) -> bytes:
                 _write(file, place, entry, value)
             file.create_group("provenance").attrs.update(sorted(body.provenance.items()))
         data = path.read_bytes()[_BLOCK:]
-    return (_SEAL + hashlib.sha256(data).hexdigest().encode() + b"\n").ljust(_BLOCK, b"\0") + data
+    return (_SEAL + _digest(data) + b"\n").ljust(_BLOCK, b"\0") + data
 
 
 def write_modal_file(body: ReducedBody, path: Path) -> None:
@@ -105,13 +105,9 @@ def write_modal_file(body: ReducedBody, path: Path) -> None:
         part.write_bytes(data)
 
 
-def _digest(file: BinaryIO) -> bytes:
+def _digest(data: bytes) -> bytes:
     """SHA-256 of all that follows the seal, in hexadecimal digits."""
-    file.seek(_BLOCK)
-    digest = hashlib.sha256()
-    while part := file.read(1 << 20):
-        digest.update(part)
-    return digest.hexdigest().encode()
+    return hashlib.sha256(data).hexdigest().encode()
 
 
 def _check_seal(source: str | Path | BinaryIO, name: str) -> None:
@@ -122,7 +118,7 @@ def _check_seal(source: str | Path | BinaryIO, name: str) -> None:
         return
     source.seek(0)
     seal = source.read(_BLOCK)
-    if seal.startswith(_SEAL) and seal[len(_SEAL) :].split(b"\n")[0] != _digest(source):
+    if seal.startswith(_SEAL) and seal[len(_SEAL) :].split(b"\n")[0] != _digest(source.read()):
         raise ModalFileError(f"{name}: damaged or altered: its bytes are not those that were written; build it again")
     source.seek(0)
 

@@ -373,10 +373,9 @@ class ReducedBody:
             raise ModalFileError(f"{found}, expected {_SLOWEST:.0e} to {_FASTEST:.0e}")
         if self.mass not in masses_of(self.method):
             raise ModalFileError(f'mass is "{self.mass.value}", which method "{self.method.value}" does not know')
-        if not set(self.compliance_interfaces) <= set(self.interface_names):
-            raise ModalFileError(f"compliance_interfaces are {self.compliance_interfaces}, expected interfaces")
-        if not set(self.following_interfaces) <= set(self.interface_names):
-            raise ModalFileError(f"following_interfaces are {self.following_interfaces}, expected names of interfaces")
+        for kind in ("compliance_interfaces", "following_interfaces"):
+            if not set(named := getattr(self, kind)) <= set(self.interface_names):
+                raise ModalFileError(f"{kind} are {named}, expected names of interfaces")
         if not GROUND <= self.root_interface < self.interface_count:
             raise ModalFileError("root_interface must name an interface, or be -1")
         if self.shadow is not None and (
@@ -399,10 +398,8 @@ class ReducedBody:
 
     def __repr__(self) -> str:
         """Name and size."""
-        interfaces = ", ".join(self.interface_names)
-        return (
-            f"<ReducedBody {self.name!r}: {self.mode_count} modes, {self.frame_count} frames, interfaces {interfaces}>"
-        )
+        size = f"{self.mode_count} modes, {self.frame_count} frames"
+        return f"<ReducedBody {self.name!r}: {size}, interfaces {', '.join(self.interface_names)}>"
 
     @property
     def mode_count(self) -> int:

@@ -7,6 +7,7 @@ the best that it holds (docs/theory.md, section 7).
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +15,6 @@ from ..core.interface import DESCRIPTION, shared, symbols
 from ..core.library import Core
 from ..files.basics import FloatArray, ModalFileError, OptionError
 from ..model.methods import (
-    ASKED_BY,
-    Data,
     Kinematics,
     LoadPlacement,
     Mass,
@@ -209,13 +208,12 @@ def _draft(body: ReducedBody, recipe: Recipe, mass: Mass) -> Draft:
     draft = mechanics(body, recipe, mass)
     if recipe.stiffness is Stiffness.BY_MODE:
         draft.sizes["by_mode_given"] = 1
-        draft.arrays["by_mode"] = _given(body.stiffness_by_mode, Data.BY_MODE)
+        draft.arrays["by_mode"] = np.asarray(body.stiffness_by_mode)
     if recipe.stiffness is Stiffness.BY_LOAD:
         # What moving loads do at first order by themselves *is* part of it: taken out, nothing counts twice.
-        data = in_load_order(_given(body.stiffness_by_load, Data.BY_LOAD), body.interface_count)
-        by_load = data - unit_load_tangents(draft, body)
+        data = in_load_order(np.asarray(body.stiffness_by_load), body.interface_count)
+        draft.arrays["by_load"] = data - unit_load_tangents(draft, body)
         draft.sizes["by_load_given"] = 1
-        draft.arrays["by_load"] = by_load
     elif body.ties is None and recipe.kinematics is not Kinematics.SECOND_ORDER:
         second_opinion(draft, body, recipe)
     if recipe.loads is LoadPlacement.DEFORMED and body.following_interfaces:
@@ -229,12 +227,6 @@ def _draft(body: ReducedBody, recipe: Recipe, mass: Mass) -> Draft:
 def compile_program(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT) -> bytes:
     """The same as an image."""
     return compile_draft(body, method, mass).image()
-
-
-def _given(values: FloatArray | None, data: Data) -> FloatArray:
-    if values is None:
-        raise OptionError(f"the method needs data that this body lacks: build it with {ASKED_BY[data]} in [reduction]")
-    return values
 
 
 # What begins the name of the program that tells the error.
@@ -271,7 +263,7 @@ def programs(body: ReducedBody) -> dict[str, Draft]:
                 continue
             draft = compile_draft(held, method, mass)
             name = DESCRIPTION if method is start and not fixed else _name(method.value, fixed)
-            result[name] = Draft(draft.sizes | fields.sizes, draft.arrays | fields.arrays)
+            result[name] = Draft(draft.sizes, draft.arrays | fields)
     if body.shadow is not None:
         # Frames hang on the root: of other interfaces fixed nothing is known.
         for fixed in _fixed_sets(body, Method.SECOND_ORDER):
@@ -285,7 +277,7 @@ def _name(first: str, fixed: Iterable[int]) -> str:
     return f"{'-'.join([first, *map(str, fixed)])}.prog"
 
 
-def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:
+def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> dict[str, Any]:
     """Fields of a program that describe its variables.
 
     Parameters
@@ -296,13 +288,12 @@ def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:
 
     Returns
     -------
-    Draft
+    dict of str to array or bytes
     """
     roles = symbols("ROLE")
     start = [v.choices.index(str(v.start)) if v.choices else float(v.start or 0.0) for v in table]
     offered = [body.interface_names.index(name) for name in body.compliance_interfaces]
-    draft = Draft({}, {})
-    draft.arrays |= {
+    return {
         "variable_type": np.array([_TYPES.index(v.type) for v in table]),
         "variable_role": np.array([roles.index(v.role) for v in table]),
         "variable_index": np.array([v.number for v in table]),
@@ -310,7 +301,6 @@ def variable_fields(body: ReducedBody, table: Sequence[Variable]) -> Draft:
         "variable_texts": texts(*("".join(f"{text}\n" for text in (v.name, *v.choices)) for v in table)),
         "compliance_interface": np.array(offered, dtype=np.int64),
     }
-    return draft
 
 
 def with_guid(made: Mapping[str, Draft], guid: str) -> dict[str, bytes]:

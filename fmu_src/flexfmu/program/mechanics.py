@@ -10,7 +10,7 @@ from ..core.interface import fields, write_image
 from ..files.basics import FloatArray, IntArray, OptionError
 from ..model.inertia import LumpedMass
 from ..model.methods import Kinematics, LoadPlacement, Mass, Recipe, Stiffness
-from ..model.reduced_body import ReducedBody
+from ..model.reduced_body import ReducedBody, Ties
 from ..model.rotations import skew
 from .tree import Tree, bends, build_tree, stretches
 from .variable_table import input_names
@@ -92,7 +92,7 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
     if recipe.kinematics is Kinematics.SECOND_ORDER and tree.frames and body.membrane is not None:
         draft.arrays |= stretches(body.membrane, draft.arrays)
     if body.ties is not None and tree.frames:
-        _put_ties(draft, body, tree)
+        _put_ties(draft, body.ties, tree)
     _put_inertia(draft, body, recipe, mass, tree, lumped)
     if placement is LoadPlacement.DEFORMED and recipe.stiffness is Stiffness.CONSTANT:
         _put_turns(draft, body)
@@ -243,26 +243,21 @@ def _turning(body: ReducedBody, frames: int) -> tuple[FloatArray, IntArray]:
     return moved - own, np.maximum(frame, 0)
 
 
-def _put_ties(draft: Draft, body: ReducedBody, tree: Tree) -> None:
+def _put_ties(draft: Draft, ties: Ties, tree: Tree) -> None:
     """Springs that join the parts of a cut body; H is their stiffness at q = 0, which the modes hold."""
-    ties = body.ties
-    assert ties is not None
-    m, count = body.mode_count, len(ties.stiffness)
-    relative = ties.displacement[:, 0] - ties.displacement[:, 1]
     turned = ties.rotation[:, 0] - ties.rotation[:, 1]
     # Stretch at the centre, then at the points l_c, which turn by θ × l_c.
-    stretch = np.empty((count, 4, 3, m))
-    stretch[:, 0] = relative
+    stretch = np.empty((len(turned), 4, *turned.shape[1:]))
+    stretch[:, 0] = ties.displacement[:, 0] - ties.displacement[:, 1]
     stretch[:, 1:] = -skew(np.swapaxes(ties.lever, 1, 2)) @ turned[:, None]
     each = np.einsum("ti,tcim,tcin->tmn", ties.stiffness, stretch, stretch, optimize=True)
     directions = ties.stiffness > 0.0
     turns = np.any(directions, axis=1) & np.any(ties.lever != 0.0, axis=(1, 2))
     resists = np.concatenate([directions, np.repeat(turns[:, None], 3, axis=1)], axis=1)
-    pull = np.flatnonzero(resists)
     # Each tie has four springs along an axis: at its centre and at three levers.
     far = float(np.linalg.norm(tree.point, axis=1).max())
     noise = _ROUND_OFF * far * float(np.sqrt(4.0 * ties.stiffness.sum()))
-    draft.sizes["ties"] = count
+    draft.sizes["ties"] = len(turned)
     draft.arrays |= {
         "tie_stiffness": ties.stiffness,
         "tie_lever": ties.lever,
@@ -270,7 +265,7 @@ def _put_ties(draft: Draft, body: ReducedBody, tree: Tree) -> None:
         "tie_initial": each.sum(axis=0),
         "tie_welded": each[ties.frame[:, 1] >= 0].sum(axis=0),
         "tie_noise": np.array([noise]),
-        "pull": pull,
+        "pull": np.flatnonzero(resists),
     }
 
 

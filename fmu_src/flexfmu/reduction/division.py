@@ -123,7 +123,7 @@ def divide(mesh: Mesh, supported: IntArray, levels: int) -> Division:
         Parts of the mesh that do not hang together.
     """
     distance = _supported_distance(mesh, supported)
-    middle = _middle(mesh, distance)
+    middle = mesh.element_means(distance)
     # Thinner than a row of elements, a level would be its triangles that point one way, each a piece.
     row = np.median(np.concatenate([np.ptp(distance[block.connectivity], axis=1) for block in mesh.blocks]))
     way = float(distance.max())
@@ -157,7 +157,7 @@ def divide_branches(mesh: Mesh, supported: IntArray, branches: Sequence[Joints])
         Parts of the mesh that do not hang together.
     """
     distance = _supported_distance(mesh, supported)
-    middle = _middle(mesh, distance)
+    middle = mesh.element_means(distance)
     link = linked(mesh)
     size = float(distance.max())
     place = np.round(middle / size, _DIGITS)
@@ -191,11 +191,6 @@ def _supported_distance(mesh: Mesh, supported: IntArray) -> FloatArray:
     return distance
 
 
-def _middle(mesh: Mesh, distance: FloatArray) -> FloatArray:
-    """Mean distance (e,) of each element's nodes."""
-    return np.concatenate([distance[block.connectivity].mean(axis=1) for block in mesh.blocks])
-
-
 def _divided(
     mesh: Mesh, supported: IntArray, level: IntArray, link: sp.csr_array, distance: FloatArray, depth: float
 ) -> Division:
@@ -204,7 +199,7 @@ def _divided(
     away = [distance[block.connectivity] for block in mesh.blocks]
     reach = np.concatenate([np.stack([one.min(axis=1), one.max(axis=1)], axis=1) for one in away])
     piece = _merge_thin(piece.astype(np.int64), link, reach, mesh.volumes, depth)
-    return _tree(mesh, supported, piece, _middle(mesh, distance), link)
+    return _tree(mesh, supported, piece, mesh.element_means(distance), link)
 
 
 def neighbours(points: FloatArray, faces: tuple[FaceBlock, ...], elements: int) -> sp.csr_array:

@@ -62,7 +62,7 @@ def slices(mesh: Mesh, anchored: IntArray) -> list[IntArray]:
 def _across(mesh: Mesh, link: sp.csr_array, distance: FloatArray, way: float) -> FloatArray:
     """Distances (e,) made even across each section: the shorter way inside of a bend would have slices lie askew."""
     pairs = link.tocoo()
-    centre = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
+    centre = mesh.element_means(mesh.points)
     volume = mesh.volumes
     flow = pairs.data / np.linalg.norm(centre[pairs.row] - centre[pairs.col], axis=1)
     spread = sp.csr_array(sp.coo_array((-flow, (pairs.row, pairs.col)), shape=link.shape))

@@ -22,7 +22,7 @@ _SMALL = 1e-3
 
 def surface_nodes(mesh: Mesh) -> tuple[IntArray, IntArray]:
     """Corner nodes of the outer faces, rows of the mesh's points, and the faces (f, 4), outward, in them."""
-    centres = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
+    centres = mesh.element_means(mesh.points)
     corners = []
     for block in mesh.faces:
         outer = block.nodes[block.outer, : block.corner_count]

@@ -15,14 +15,15 @@ import fmpy
 from pythonfmu.builder import FmuBuilder
 
 from ..body.flexible_body import StepLimits
+from ..body.loads import load_names
 from ..files.basics import SimulationError
 from ..files.workers import Worker, WorkerError
 from ..fmu.package import package_fmu
 from ..model.methods import Mass, Variant, masses_of
 from ..model.reduced_body import ReducedBody
-from ..program.variable_table import ACCELERATION, METHOD, STEP_LIMIT, STEP_TOLERANCE
+from ..program.variable_table import METHOD, STEP_LIMIT, STEP_TOLERANCE
 from .fmu_worker import answering, load, timed
-from .scene.scene import AXES, Scene, load_names
+from .scene.scene import Scene
 
 _EMPTY = '''"""An FMU that has the variables and does nothing."""
 
@@ -93,7 +94,7 @@ class FmuTimer:
             One of them does not run.
         """
         parameters = {METHOD: variant.method.value, STEP_LIMIT: limits.longest, STEP_TOLERANCE: limits.tolerance}
-        names = [*load_names(scene.names), *(f"{ACCELERATION}.{axis}" for axis in AXES)]
+        names = load_names(scene.names, True)
         rows = [{n: float(v) for n, v in zip(names, one.packed(True), strict=True) if v} for one in scene.timing_loads]
         found = self._ask(timed, *self._ready(body, variant), parameters, rows, step)
         fmu, empty = found["fmu"], found["empty"]

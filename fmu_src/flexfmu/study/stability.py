@@ -9,7 +9,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -36,7 +36,7 @@ from .scene.scene import Scene
 from .workshop import Crew, Workshop, build
 
 
-class BodyPrograms:
+class BodyPrograms(AbstractContextManager["BodyPrograms"]):
     """A body's programs in a folder, from which slaves start.
 
     Parameters
@@ -65,9 +65,6 @@ class BodyPrograms:
             else:
                 slave.set_real([number], [float(value)])
         return slave
-
-    def __enter__(self) -> "BodyPrograms":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._folder.cleanup()

@@ -7,7 +7,7 @@ processes; timings never are.
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, TypeVar
@@ -40,7 +40,7 @@ class JobsError(FlexfmuError):
     """Processes that were asked for are not to be had."""
 
 
-class Crew:
+class Crew(AbstractContextManager["Crew"]):
     """Processes among which tasks are shared; a context, at whose end they end.
 
     Parameters
@@ -83,10 +83,6 @@ class Crew:
 
         with joblib.parallel_config(n_jobs=min(self.count, len(tasks)), backend="loky", inner_max_num_threads=1):
             yield from joblib.Parallel(return_as="generator", batch_size=1)(joblib.delayed(task)() for task in tasks)
-
-    def __enter__(self) -> "Crew":
-        """Processes start when there is something for them to do."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """End the processes."""

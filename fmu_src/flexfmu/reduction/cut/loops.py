@@ -97,7 +97,7 @@ def loop_sections(mesh: Mesh, anchored: IntArray, clear: Mapping[str, IntArray])
     while len(set(label.tolist())) > 1:
         names = np.unique(label)
         near = np.array([ways[label == name].min(axis=0) for name in names])
-        cell = np.argmin([element_means(mesh, row) for row in near], axis=0)
+        cell = np.argmin([mesh.element_means(row) for row in near], axis=0)
         met = np.unique(np.sort(cell[search.contacts.elements], axis=1), axis=0)
         pairs = [(i, j) for i, j in met.tolist() if i != j]
         found = [_best(search, cell, near, pair) for pair in pairs]
@@ -123,7 +123,7 @@ def support_groups(mesh: Mesh, nodes: IntArray) -> IntArray:
 
 def element_contacts(mesh: Mesh) -> Contacts:
     """The faces inside a body."""
-    centre = np.concatenate([mesh.points[block.connectivity].mean(axis=1) for block in mesh.blocks])
+    centre = mesh.element_means(mesh.points)
     elements, areas, rows, columns = ([np.zeros(shape, int)] for shape in ((0, 2), (0, 3), 0, 0))
     first = 0
     for block in mesh.faces:
@@ -153,11 +153,6 @@ def element_contacts(mesh: Mesh) -> Contacts:
     return Contacts(pairs, np.concatenate(areas), incidence, coupled)
 
 
-def element_means(mesh: Mesh, values: FloatArray) -> FloatArray:
-    """Mean (e,) over each element's nodes of values (n,)."""
-    return np.concatenate([values[block.connectivity].mean(axis=1) for block in mesh.blocks])
-
-
 @dataclass(frozen=True, slots=True)
 class _Search:
     """A body in which sections are sought, its contacts, the nodes that none may touch and those it may not part."""
@@ -184,7 +179,7 @@ def _best(search: _Search, cell: IntArray, near: FloatArray, pair: tuple[int, in
     """The best sections between the cells (e,) of two supports; none if nothing slender and clear separates them."""
     i, j = pair
     way = float((near[i] + near[j]).min())
-    lead = np.where((cell == i) | (cell == j), element_means(search.mesh, near[i] - near[j]), np.nan)
+    lead = np.where((cell == i) | (cell == j), search.mesh.element_means(near[i] - near[j]), np.nan)
     tried: list[tuple[float, float, float, list[LoopSection]]] = []
     for offset in _OFFSET * way * np.linspace(-1.0, 1.0, PLACES):
         side = np.where(np.isnan(lead), -1, lead > offset)
@@ -286,7 +281,7 @@ def inner_sections(mesh: Mesh, anchored: IntArray, clear: Mapping[str, IntArray]
     """
     search = _Search.of(mesh, anchored, clear)
     distance = distance_along(mesh, anchored)
-    middle = element_means(mesh, distance)
+    middle = mesh.element_means(distance)
     extent = np.concatenate([np.ptp(distance[block.connectivity], axis=1) for block in mesh.blocks])
     depth = max(1.2 * float(np.quantile(extent, _DEEP)), float(distance.max()) / _LEVELS)
     level = np.floor(middle / depth).astype(np.int64)

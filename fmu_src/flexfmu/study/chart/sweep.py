@@ -96,7 +96,7 @@ def _own(
         found.seconds / found.increments,
         equilibrium_ms=1e3 * found.seconds,
         iterations=found.iterations / found.increments,
-        mode_count=whole.size,
+        mode_count=whole.model.free.size,
         note=f"{len(case.factors)} equilibria in {found.seconds:.3g} s: {found.increments} increments, "
         f"{found.iterations} iterations",
         **equilibria_errors(scene, case, found.motion, known[case.name]).columns,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...body.loads import Loads
+from ...body.loads import Loads, load_names
 from ...build.config import BodyFile, read_body_file
 from ...files.basics import FloatArray
 from ...files.tables import Kind, check_input, read_table
@@ -122,11 +122,6 @@ class Scene:
         return [self.names.index(name) for name in self.read]
 
 
-def load_names(interfaces: Sequence[str]) -> list[str]:
-    """Forces and moments on interfaces as FMU inputs, in the order of `Loads.packed`."""
-    return [f"{name}.{kind}.{axis}" for name in interfaces for kind in ("force", "moment") for axis in AXES]
-
-
 def read_scene(path: Path, body: Path) -> Scene:
     """Read a scene file and a body file, and check one against the other.
 
@@ -206,14 +201,14 @@ def _loaded(name: str, known: Sequence[str], where: str) -> str:
     """Interface that an FMU input acts on; `ACCELERATION` of that of the supports."""
     if name in [f"{ACCELERATION}.{axis}" for axis in AXES]:
         return ACCELERATION
-    if name not in load_names(known):
+    if name not in load_names(known, False):
         found = f"{where}: {name!r} is no input of the body; expected INTERFACE.force.AXIS or INTERFACE.moment.AXIS"
         raise SceneError(f'{found}, as "{known[0]}.force.y", or "{ACCELERATION}.z"; its interfaces: {", ".join(known)}')
     return name.partition(".")[0]
 
 
 def _loads(values: Mapping[str, float], names: Sequence[str], body: BodyFile, where: str) -> Loads:
-    inputs = [*load_names(names), *(f"{ACCELERATION}.{axis}" for axis in AXES)]
+    inputs = load_names(names, True)
     packed = np.zeros(len(inputs))
     for name, value in values.items():
         if _loaded(name, names, where) == ACCELERATION and not body.input.acceleration:

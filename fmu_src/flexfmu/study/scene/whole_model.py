@@ -77,11 +77,6 @@ class WholeModel:
         """The fits of the interfaces."""
         return [fit_interface(table, self.model.mesh, []) for table in self._body_model.options.interfaces]
 
-    @property
-    def size(self) -> int:
-        """Degrees of freedom that no support holds."""
-        return int(self.model.free.size)
-
     def load(self, case: StaticCase) -> FloatArray:
         """Nodal forces (3n,), N."""
         mesh = self.model.mesh
