@@ -9,7 +9,7 @@ import pytest
 from driven import Driven
 from flexfmu.api import Body, Support
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.reduce import body_model
+from flexfmu.build.reduce import body_model, reduce_body
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import OptionError
 from flexfmu.files.outputs import Reporter
@@ -19,7 +19,7 @@ from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.program import tree
 from flexfmu.program.compile import shadow_draft
 from flexfmu.reduction.bodies import fit_interface
-from meshes import bars, box, grid, lattice, with_sets
+from meshes import bars, body_file, box, grid, lattice, with_sets
 from native_master.bare_fmi2 import DISCARD, OK
 
 LENGTH, WIDTH = 0.4, 0.02
@@ -289,6 +289,20 @@ def test_near_the_critical_load_a_body_warns_of_more_than_its_shadow_sees(built,
     critical = np.pi**2 * 2e11 * WIDTH * (0.5 * WIDTH) ** 3 / 12.0 / (2.0 * LENGTH) ** 2
     loads = {"tip": (-share * critical, 0.0, 1.0)}
     assert warned(built, tmp_path, 2.0 * built.error(built.static(loads), loads).relative, loads) == told
+
+
+def test_near_the_limit_load_of_an_arch_its_bound_grows_as_its_stiffness_falls(tmp_path):
+    """By its shape, not by tension: what the material alone resists with falls as well."""
+    mesh = box(ElementType.C3D20, (16, 1, 1), (1.0, 0.01, 0.02))
+    x, y, z = mesh.points.T
+    mesh = replace(mesh, points=np.stack([x, y + 0.12 * x * (1.0 - x), z], axis=1))
+    mesh = with_sets(mesh, ROOT=lambda p: p[:, 0] * (1.0 - p[:, 0]), TOP=lambda p: p[:, 0] - 0.5)
+    body = FlexibleBody(reduce_body(body_file(mesh, tmp_path, interface=["TOP"], output={"error": True}), Reporter()))
+    loads, inputs = {"top": [0.0, -1916.0, 0.0]}, np.array([0.0, -1916.0, 0.0, 0.0, 0.0, 0.0])
+    state = body.static(loads)
+    told, stability = body.error(state, loads), body.stability(state, inputs)[0]
+    assert stability < 0.2
+    assert told.bound == pytest.approx(1.25 * told.relative / np.sqrt(stability), rel=0.1)
 
 
 def test_an_fmu_warns_where_its_bound_exceeds_the_tolerance_of_its_body(built, tmp_path):

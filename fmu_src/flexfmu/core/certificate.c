@@ -8,6 +8,7 @@
 #include "forces.h"
 #include "membrane.h"
 #include "motion.h"
+#include "stability.h"
 #include "statics.h"
 #include "tree.h"
 
@@ -155,12 +156,17 @@ static void forces_of(Body *shadow, Room *room, const double *inputs, double *bl
 /* Steps of inverse iteration. */
 enum { ITERATIONS = 8 };
 
-/* The material's and the joints' own stiffness where they are now, without tension, times a direction (e) in coordinates of unit
- * energy; twice its energy is returned. Where leaves are bent, what stretched them at rest is soft without any load, and so is
- * what stretched joints at rest where they turned. */
+/* The stiffness that a tangent is compared with, times a direction (e) in coordinates of unit energy; twice its energy is returned:
+ * that of the unloaded body, or, of one with joints, the material's and the joints' own where they are now, without tension. What
+ * stretched these at rest is soft without any load where they turned. */
 static double own_stiffness(const Body *shadow, const Room *room, const double *shape, double *out, int64_t e) {
     const Program *p = shadow->p;
     double *rates = room->rates;
+    for (int64_t i = 0; !p->ties && i < e; i++) {
+        const double share = unloaded_frequency(p, p->rigid + i) / p->omega[p->rigid + i];
+        out[i] = share * share * shape[i];
+    }
+    if (!p->ties) return dot(out, shape, e);
     memset(rates, 0, (size_t)p->rigid * sizeof(double));
     for (int64_t i = 0; i < e; i++) rates[p->rigid + i] = shape[i] / p->omega[p->rigid + i];
     memset(room->turned, 0, (size_t)p->modes * sizeof(double));

@@ -52,11 +52,10 @@ static Room *room_in(const Body *body, Arena *arena, const Slice *slice) {
 
 void stability_demand(const Body *body, Arena *arena) { room_in(body, arena, 0); }
 
-/* Of bodies that stretch, stiffness counts as that of so many times the lowest frequency at the most: where a thin sheet has
- * turned by a degree, what bends it lies in what was its own plane, and is no softer for that. */
+/* Where a thin sheet has turned by a degree, what bends it lies in what was its own plane, and is no softer for that. */
 static const double STIFFEST = 10.0;
 
-static double unloaded_frequency(const Program *p, int64_t i) {
+double unloaded_frequency(const Program *p, int64_t i) {
     return p->stretches ? fmin(p->omega[i], STIFFEST * p->omega[p->elastic_first]) : p->omega[i];
 }
 

@@ -4,6 +4,9 @@
 
 #include "data.h"
 
+/* Frequency of an unloaded elastic coordinate with which its stiffness is compared: of bodies that stretch, ten times the lowest at
+ * the most. */
+double unloaded_frequency(const Program *p, int64_t i);
 void stability_demand(const Body *body, Arena *arena);
 
 /* Smallest eigenvalue of the tangent over the unloaded one; its shape (m) unless null. */
