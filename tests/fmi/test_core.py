@@ -15,7 +15,7 @@ import fuzzed
 from bodies import beam_body
 from core_files import core_order
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.core.building import FLAGS, FOLDER, command, sources, system_compiler
+from flexfmu.core.building import FLAGS, FOLDER, sources, system_compiler
 from flexfmu.core.library import Core, declare
 from flexfmu.files.basics import OptionError
 from flexfmu.fmu.package import package_fmu
@@ -27,14 +27,17 @@ pytestmark = pytest.mark.skipif(
 )
 
 TESTS = Path(__file__).parents[1]
-# One counter for all files of the core.
+# The linker puts these in the place of what allocates: one counter for all files of the core.
 COUNTED = """
-#define _DEFAULT_SOURCE
 #include <stdlib.h>
-__attribute__((weak, visibility("default"))) long flex_allocations;
-#define malloc(size) (flex_allocations++, malloc(size))
-#define calloc(count, size) (flex_allocations++, calloc(count, size))
-#define realloc(old, size) (flex_allocations++, realloc(old, size))
+__attribute__((visibility("default"))) long flex_allocations;
+#define COUNT(call, taken, given) \\
+    void *__real_##call taken; \\
+    void *__wrap_##call taken; \\
+    void *__wrap_##call taken { flex_allocations++; return __real_##call given; }
+COUNT(malloc, (size_t size), (size))
+COUNT(calloc, (size_t count, size_t size), (count, size))
+COUNT(realloc, (void *old, size_t size), (old, size))
 """
 MASTER = """
 import sys
@@ -63,13 +66,28 @@ print("COUNTS", opened, begun, stepped, made.value, statuses[1], max(map(abs, on
 
 
 @pytest.fixture(scope="module")
-def counted(tmp_path_factory):
-    """The core, compiled so that it counts what it allocates."""
-    folder = tmp_path_factory.mktemp("counted")
-    (folder / "counted.h").write_text(COUNTED, encoding="utf-8")
-    library = folder / "counted.so"
-    subprocess.run(command(system_compiler(), library, extra=["-O0", f"-include{folder / 'counted.h'}"]), check=True)
+def objects(tmp_path_factory):
+    """What each of the core's files is compiled to, once for all that is asked of it here."""
+    folder = tmp_path_factory.mktemp("objects")
+    flags = [*(flag for flag in FLAGS if flag != "-O3"), '-DFLEX_SOURCES=""', "-fPIC", "-c"]
+    subprocess.run([*system_compiler(), *flags, *map(str, sources())], cwd=folder, check=True)
+    return [folder / f"{path.stem}.o" for path in sources()]
+
+
+def linked(objects, text, library, *flags):
+    """The core as a library, with one more file in C."""
+    (library.with_suffix(".c")).write_text(text, encoding="utf-8")
+    more = [str(library.with_suffix(".c")), *map(str, objects), "-lm", "-Wl,-Bsymbolic", *flags]
+    words = ["-std=c99", "-shared", "-fPIC", "-fvisibility=hidden", f"-I{FOLDER}", "-o", str(library)]
+    subprocess.run([*system_compiler(), *words, *more], check=True)
     return library
+
+
+@pytest.fixture(scope="module")
+def counted(objects, tmp_path_factory):
+    """The core, linked so that it counts what it allocates."""
+    calls = [f"-Wl,--wrap={name}" for name in ("malloc", "calloc", "realloc")]
+    return linked(objects, COUNTED, tmp_path_factory.mktemp("counted") / "counted.so", *calls)
 
 
 @pytest.mark.slow
@@ -121,13 +139,9 @@ FLEX_EXPORT int64_t taken(int64_t size, const int64_t *counts, int64_t *at) {
 
 
 @pytest.fixture(scope="module")
-def cutting(tmp_path_factory):
+def cutting(objects, tmp_path_factory):
     """The core with entries for tests of its work arrays."""
-    folder = tmp_path_factory.mktemp("cutting")
-    (folder / "cut.c").write_text(CUT, encoding="utf-8")
-    extra = ["-O0", f"-I{FOLDER}", str(folder / "cut.c")]
-    subprocess.run(command(system_compiler(), folder / "cut.so", extra=extra), check=True)
-    found = ctypes.CDLL(str(folder / "cut.so"))
+    found = ctypes.CDLL(str(linked(objects, CUT, tmp_path_factory.mktemp("cutting") / "cut.so")))
     declare(found)
     found.body_room.restype = found.body_written.restype = ctypes.c_int64
     found.body_room.argtypes = (ctypes.c_void_p,)
@@ -220,16 +234,13 @@ def test_the_core_calls_nothing_that_prints_or_ends_the_process():
 
 
 @pytest.fixture(scope="module")
-def symbols(tmp_path_factory):
+def symbols(objects):
     """What nm lists of each of the core's files: rows of name, value, class, type, size, line, section."""
     if shutil.which("nm") is None:
         pytest.skip("nm lists what files hold")
-    folder, found = tmp_path_factory.mktemp("objects"), {}
-    for path in sources():
-        part = folder / f"{path.stem}.o"
-        flags = [*(flag for flag in FLAGS if flag != "-O3"), '-DFLEX_SOURCES=""', "-fPIC", "-c"]
-        subprocess.run([*system_compiler(), *flags, str(path), "-o", str(part)], check=True)
-        listed = subprocess.run(["nm", "-f", "sysv", str(part)], capture_output=True, text=True, check=True).stdout
+    found = {}
+    for path in objects:
+        listed = subprocess.run(["nm", "-f", "sysv", str(path)], capture_output=True, text=True, check=True).stdout
         found[path.stem] = [
             [cell.strip() for cell in line.split("|")] for line in listed.splitlines() if line.count("|") == 6
         ]
