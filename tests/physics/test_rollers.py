@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from driven import Driven
 from flexfmu import Body, Support
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import BodyFileError
@@ -70,22 +69,6 @@ def test_a_beam_on_a_pin_and_a_roller_bends_as_the_elastica(cut_beam):
         np.testing.assert_allclose(middle, [-shorter, 0.0, deflection], atol=2e-3 * deflection)
         np.testing.assert_allclose(roller, [-2.0 * shorter, 0.0, 0.0], atol=2e-3 * deflection)
         assert body.error(state, loads).bound < 0.01
-
-
-def test_joints_that_ring_in_motion_are_no_error(cut_beam, tmp_path):
-    """Nor are they to the FMU, which looks in slices, some 140 steps for each look, and warns of nothing."""
-    loads = amidst(0.2)
-    step, state = 0.04 * np.pi / cut_beam.model.angular_frequency[0], cut_beam.rest()
-    driven, told = Driven(cut_beam.reduced, tmp_path, **{"error.interval": 2.0, "watch.error.limit": 5e-3}), []
-    driven.set(**{"middle.force.z": loads["middle"][2]})
-    for _ in range(100):
-        state = cut_beam.step(state, loads, step)
-        told.append(cut_beam.error(state, loads).bound)
-        assert driven.taken(step)
-    assert 0.0 < max(told) < 5e-3
-    assert driven.get("middle.displacement.z") == [cut_beam.response(state).displacement[0, 2]]
-    assert all(driven.taken(step) for _ in range(1500))
-    assert not driven.log
 
 
 def test_the_roller_of_a_bow_stays_on_the_ground_however_its_part_turns():

@@ -62,7 +62,7 @@ static int factor_response(Body *body, const double *inputs, double step, const 
         modal_force(body, &room->loads, 1, &room->at, 0, &room->scratch, room->force);
         for (int64_t j = 0; j < m; j++)
             room->force[j] = rule->gq[j] * (room->force[j] + dot(p->tie_initial + j * m, q, m) - body->opened->stiffness[j] * q[j]);
-        if (pull_at(body, rule, &room->at, body->pivot, &room->pull)) {
+        if (pull_at(body, rule, &room->at, &room->at, body->pivot, &room->pull)) {
             respond(body, rule, &room->pull, room->force, 0, room->row);
             for (int64_t j = 0; j < m; j++) room->row[j] *= 0.5;
             foreseen_tension(body, &room->at, room->row, &room->foreseen, room->tense);

@@ -4,24 +4,30 @@
 #include <string.h>
 
 #include "algebra.h"
+#include "forces.h"
 #include "ties.h"
 
 /* Change of q over a round relative to q and to the way of a step. */
 static const double TOLERANCE = 1e-11;
 /* A round that leaves more than this of the change before it has the ties pull anew in its own middle. */
 static const double FAST = 0.02;
+/* Rounds in which the ties alone answer; then the whole tangent does, from the step's first guess on. */
+enum { TIES_ALONE = 8 };
 typedef struct {
     Step step;
     Pull pull;
     double *free, *force, *bare, *mean, *speed, *off, *change, *held, *lost, *first;
     double *linear, *end_linear; /* H q at both ends */
-    double *tense;               /* (T, 4, 3) */
+    double *tense, *start_tense; /* (T, 4, 3) */
+    double *foreseen, *matrix;   /* mean tension as the last round foresees it; (m, m) */
+    TangentRoom tangents;
+    Foreseen ends;
     int64_t resolved;            /* modes */
     double noise;                /* round-off of the springs' strain, as a change of q */
     double quiet;                /* root of the energy that is round-off of that strain and of the rates that follow from it */
     double borne;                /* twice the energy that the straight body would hold at rest under the loads */
     double start_energy, load_work, start_work, reach, speed_before, change_before;
-    int stale, rough;            /* whether the ties have to pull anew; whether the membrane's force is of first order */
+    int stale, rough, whole;     /* whether the ties have to pull anew; the membrane's force is of first order; the whole tangent answers */
 } Tied;
 
 static void take_tied(const Body *body, Arena *arena, Tied *x) {
@@ -31,6 +37,11 @@ static void take_tied(const Body *body, Arena *arena, Tied *x) {
     take_pull(body, arena, &x->pull);
     for (size_t i = 0; i < sizeof each / sizeof *each; i++) *each[i] = take(arena, body->p->modes);
     x->tense = take(arena, 12 * body->p->ties);
+    x->start_tense = take(arena, 12 * body->p->ties);
+    x->foreseen = take(arena, 12 * body->p->ties);
+    x->matrix = take(arena, body->p->modes * body->p->modes);
+    take_tangent_room(body, arena, &x->tangents);
+    take_foreseen(body, arena, &x->ends);
 }
 
 /* Square of the way, mass being its measure, of vibrations that the step does not resolve, for an acceleration and rates at
@@ -89,6 +100,14 @@ static void enter(Step *s, const double *q, const double *v) {
     x->start_energy = energy_of(body, q, tie_tension(body, s->here, x->tense), x->linear, s->v0, s->from);
 }
 
+/* The first guess of a step's end, from which rounds begin. */
+static void guess(Tied *x) {
+    Step *s = &x->step;
+    for (int64_t j = 0; j < s->body->p->modes; j++) s->q1[j] = s->here->q[j] + s->all->step * s->v0[j];
+    s->change = x->change_before = HUGE_VAL;
+    x->stale = 1;
+}
+
 static int begin(Step *s) {
     Tied *x = (Tied *)s;
     Body *body = s->body;
@@ -105,15 +124,12 @@ static int begin(Step *s) {
     }
     if (s->all->inputs_end) spread_at(s, (double)s->number + 0.5);
     x->load_work = force_work(body, &s->loads, s->here);
-    x->start_work = x->load_work - tie_tension(body, s->here, x->tense);
+    x->start_work = x->load_work - tie_tension(body, s->here, x->start_tense);
     x->speed_before = norm(v, m);
     x->reach = work_reach(body, s->loads.force, body->p->nodes) + fabs(x->start_work);
-    x->change_before = HUGE_VAL;
-    x->stale = 1;
-    for (int64_t j = 0; j < m; j++) {
-        x->free[j] = rule->p11[j] * q[j] + rule->p12[j] * v[j];
-        s->q1[j] = q[j] + s->all->step * v[j];
-    }
+    for (int64_t j = 0; j < m; j++) x->free[j] = rule->p11[j] * q[j] + rule->p12[j] * v[j];
+    guess(x);
+    x->whole = 0;
     return 1;
 }
 
@@ -125,30 +141,75 @@ static void configure_end(Step *s) {
     configure_halfway(body, body->need, s->here, s->there, &s->middle);
 }
 
+/* Tension of the ties, the mean of both ends': places half way between strain stiff ties by what turns, by which they would
+ * ring. Their energy at the end is returned, and how far its round-off reaches. */
+static double mean_tension(Tied *x, double *reach) {
+    const Step *s = &x->step;
+    const int64_t numbers = 12 * s->body->p->ties;
+    const double held = tie_tension(s->body, s->there, x->tense);
+    *reach = work_reach(s->body, x->tense, numbers / 3);
+    for (int64_t i = 0; i < numbers; i++) x->tense[i] = 0.5 * (x->tense[i] + x->start_tense[i]);
+    return held;
+}
+
 static int residual(Step *s) {
     Tied *x = (Tied *)s;
     Body *body = s->body;
     const int64_t m = body->p->modes;
     const double *conservative = x->force;
+    double reach;
     configure_end(s);
-    if (x->stale && !pull_at(body, s->rule, &s->middle, body->pivot, &x->pull)) return 0;
+    const double held = mean_tension(x, &reach);
+    if (x->stale && !x->whole && !pull_at(body, s->rule, &s->middle, s->there, body->pivot, &x->pull)) return 0;
     for (int64_t j = 0; j < m; j++) s->way[j] = s->q1[j] - s->here->q[j];
-    modal_force(body, &s->loads, 1, &s->middle, 0, &s->scratch, x->force);
+    modal_force(body, &s->loads, 1, &s->middle, x->tense, &s->scratch, x->force);
     const double square = dot(s->way, s->way, m);
     if (has_potential(body)) {
-        const double end_work = force_work(body, &s->loads, s->there) - tie_tension(body, s->there, x->tense);
+        const double end_work = force_work(body, &s->loads, s->there) - held;
         if (s->loads.has_moments) {
-            modal_force(body, &s->loads, 0, &s->middle, 0, &s->scratch, x->bare);
+            modal_force(body, &s->loads, 0, &s->middle, x->tense, &s->scratch, x->bare);
             conservative = x->bare;
         }
         /* The springs' strain is a difference of places. */
-        const double reach = x->reach + fabs(end_work) + work_reach(body, x->tense, 4 * body->p->ties);
-        close_bracket(s, end_work - x->start_work - dot(conservative, s->way, m), reach, square);
+        close_bracket(s, end_work - x->start_work - dot(conservative, s->way, m), x->reach + fabs(end_work) + reach, square);
     }
     /* What the mean holds beside Hq at the start and what is linear in the way, of which `respond` knows. */
     for (int64_t j = 0; j < m; j++) x->mean[j] = x->force[j] + s->factor * s->way[j];
     x->rough = !stretch_towards(body, s->from, s->q1, s->round == 1, s->to);
     subtract_stretch_force(body, s->from, s->to, x->mean);
+    return 1;
+}
+
+/* The change of q by the whole tangent: what is strained is the end, what pulls is the middle. Tension of stiff ties is far off
+ * until the rounds settle, so what turns feels that which the last round foresaw. */
+static int answer_whole(Tied *x) {
+    Step *s = &x->step;
+    Body *body = s->body;
+    const Program *p = body->p;
+    const int64_t m = p->modes;
+    double *tangent = x->matrix, *gaps = x->ends.gaps;
+    tangent_stiffness(body, &s->loads, 1, &s->middle, x->foreseen, &x->tangents, tangent);
+    jacobians_at(body, s->there, &x->ends.of);
+    gap_derivative(body, s->there, &x->ends.of, gaps);
+    for (int64_t i = 0; i < 12 * p->ties; i++) {
+        double *row = x->tangents.row, *middle = x->tangents.gaps + i * m;
+        for (int64_t j = 0; j < m; j++) row[j] = p->tie_stiffness[3 * (i / 12) + i % 3] * (gaps[i * m + j] - middle[j]);
+        add_transposed_product(middle, row, tangent, 1, m, m);
+    }
+    for (int64_t i = 0; i < m; i++) {
+        const double gain = s->rule->gq[i];
+        tangent[i * m + i] -= body->opened->stiffness[i];
+        x->change[i] = x->off[i] + s->way[i];
+        for (int64_t j = 0; j < m; j++) {
+            const double lost = body->coupled[i * m + j] / s->all->step;
+            x->change[i] += gain * (lost - 0.5 * p->tie_initial[i * m + j]) * s->way[j];
+            tangent[i * m + j] = gain * (0.5 * tangent[i * m + j] + lost) + (i == j ? 1.0 : 0.0);
+        }
+    }
+    if (!lu_factor(tangent, body->pivot, m, 0)) return 0;
+    lu_solve(tangent, body->pivot, x->change, m, 1, 0);
+    for (int64_t i = 0; i < 12 * p->ties; i++)
+        x->foreseen[i] = x->tense[i] - 0.5 * p->tie_stiffness[3 * (i / 12) + i % 3] * dot(gaps + i * m, x->change, m);
     return 1;
 }
 
@@ -162,13 +223,22 @@ static Progress correct(Step *s) {
         x->off[j] = s->here->q[j] - x->free[j] - gq[j] * (x->mean[j] + x->linear[j]);
         blurred += gq[j] * s->way[j] * gq[j] * s->way[j];
     }
-    respond(body, s->rule, &x->pull, x->off, s->way, x->change);
+    if (!x->whole)
+        respond(body, s->rule, &x->pull, x->off, s->way, x->change);
+    else if (!answer_whole(x))
+        return LOST;
     for (int64_t j = 0; j < m; j++) s->q1[j] -= x->change[j];
     const double size = norm(x->change, m), last = s->change;
     const double enough = TOLERANCE * (norm(s->q1, m) + s->all->step * x->speed_before);
-    if (!isfinite(size)) return LOST;
     if (size <= fmax(fmax(enough, x->noise), s->blur * sqrt(blurred)) && !x->rough) return SETTLED;
-    if (size > 0.5 * x->change_before) return LOST;
+    if (!x->whole && !(size <= 0.5 * x->change_before && s->round < TIES_ALONE)) {
+        guess(x);
+        memcpy(x->foreseen, x->start_tense, (size_t)(12 * body->p->ties) * sizeof(double));
+        x->whole = 1;
+        s->round = 0;
+        return GOING_ON;
+    }
+    if (!(size <= 0.5 * fmax(x->change_before, last))) return LOST;
     x->stale = size > FAST * last;
     x->change_before = last;
     s->change = size;
@@ -183,8 +253,9 @@ static double force_error(Tied *x) {
     const Rule *rule = s->rule;
     double error = 0.0;
     /* Stiff springs that vibrate faster than the step can tell are strained by it at its ends as they never are in truth: their
-     * tension is taken as it is in the middle, and how it changes from how the body gives way. */
-    tie_tension(body, &s->middle, x->tense);
+     * tension is taken as the mean, and how it changes from how the body gives way. */
+    double reach;
+    mean_tension(x, &reach);
     modal_force(body, &s->loads, 1, s->there, x->tense, &s->scratch, x->force);
     modal_force(body, &s->loads, 1, s->here, x->tense, &s->scratch, x->bare);
     subtract_stretch_force(body, s->to, s->to, x->force);
@@ -228,6 +299,7 @@ static int accept(Step *s, double *found) {
     const int64_t m = body->p->modes;
     const Rule *rule = s->rule;
     const double *q = s->here->q, quiet = x->quiet;
+    if (x->whole && !pull_at(body, rule, &s->middle, s->there, body->pivot, &x->pull)) return 0;
     for (int64_t j = 0; j < m; j++) x->speed[j] = s->way[j] / s->all->step;
     rows_times(body->p->tie_initial, s->middle.q, x->held, m, m);
     rows_times(body->coupled, x->speed, x->lost, m, m);

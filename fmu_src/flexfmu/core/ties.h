@@ -12,7 +12,7 @@ typedef struct {
 
 void take_pull(const Body *body, Arena *arena, Pull *pull);
 /* Returns 0 where the ties' response is singular. */
-int pull_at(const Body *body, const Rule *rule, const Configuration *at, int64_t *pivot, Pull *pull);
+int pull_at(const Body *body, const Rule *rule, const Configuration *at, const Configuration *end, int64_t *pivot, Pull *pull);
 /* out = what q does under x = g_q f, the ties giving way as they do in the place of `pull`; where q has gone a `way` (else
  * null), under x and what is linear in the way. */
 void respond(const Body *body, const Rule *rule, Pull *pull, const double *x, const double *way, double *out);

@@ -126,15 +126,15 @@ def mean_spin(mesh: Mesh, shapes: FloatArray) -> FloatArray:
     return total / volume
 
 
-def own_spin(mesh: Mesh, shape: FloatArray) -> float:
-    """Mean of |ω|² over where a motion (3n,) turns the material: ∫ |ω|⁴ dV / ∫ |ω|² dV, ω = ½ curl u."""
-    square = fourth = 0.0
-    for some in _some(mesh, 1):
-        gradient = some.displacement_gradient(shape.reshape(len(mesh.points), 3, 1))
-        spin = 0.125 * ((gradient - gradient.swapaxes(2, 3)) ** 2).sum(axis=(2, 3, 4))
-        square += float((some.volume * spin).sum())
-        fourth += float((some.volume * spin**2).sum())
-    return fourth / square
+def own_spin(mesh: Mesh, shapes: FloatArray) -> FloatArray:
+    """Means (m,) of |ω|² over where motions (3n, m) turn the material: ∫ |ω|⁴ dV / ∫ |ω|² dV, ω = ½ curl u."""
+    square, fourth = np.zeros((2, shapes.shape[1]))
+    for some in _some(mesh, shapes.shape[1]):
+        gradient = some.displacement_gradient(shapes.reshape(len(mesh.points), 3, -1))
+        spin = 0.125 * ((gradient - gradient.swapaxes(2, 3)) ** 2).sum(axis=(2, 3))
+        square += np.einsum("eq,eqm->m", some.volume, spin)
+        fourth += np.einsum("eq,eqm->m", some.volume, spin**2)
+    return fourth / np.where(square > 0.0, square, 1.0)
 
 
 def turned_stress(mesh: Mesh, shapes: FloatArray, forces: FloatArray, pairs: IntArray, tell: Tell) -> FloatArray:

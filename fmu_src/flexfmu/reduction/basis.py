@@ -369,7 +369,7 @@ def _by_interface(matrices: Matrices, loads: FloatArray) -> Iterator[_Motions]:
         fields, energy = softest_motions(matrices, loads[:, own], _STIFFER)
         known = own.size == loads.shape[1] and softest_motions(matrices, loads)[1].size
         if energy.size > known:
-            first = energy[0] * _OWN_TURN**2 / own_spin(matrices.model.mesh, fields[:, 0])
+            first = energy[0] * _OWN_TURN**2 / own_spin(matrices.model.mesh, fields[:, :1])
             yield fields * np.sqrt(first / energy), np.full(energy.size, first)
 
 
