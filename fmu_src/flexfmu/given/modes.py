@@ -16,7 +16,7 @@ from ..files.outputs import check_target, whole_file
 from ..files.tables import Kind, check_input
 from ..mesh.checks import DENSITY_RANGE, SIZE_RANGE, checked
 from ..mesh.model import NO_MATERIAL, Material, Mesh
-from ..reduction.model import rigid_basis
+from ..reduction.model import elements_without_material, rigid_basis
 
 SUFFIXES = (".npz", ".h5")
 # Relative size of a mode at a node below which it is zero: the node is held.
@@ -136,8 +136,7 @@ class GivenModes:
         lacking = mesh.labels[np.asarray(labels)[there] != mesh.labels]
         if lacking.size:
             raise GivenModesError(f"the modes lack nodes of the mesh: {listed(lacking)}; write results of all nodes")
-        bare = any((block.material == NO_MATERIAL).any() for block in mesh.blocks)
-        bare = bare or any(np.isnan(material.density) for material in mesh.materials)
+        bare = elements_without_material(mesh) or any(np.isnan(material.density) for material in mesh.materials)
         if bare and density is None:
             raise GivenModesError("elements of the mesh have no material: give their density, kg/m³")
         told = [replace(m, density=density or 1.0) if np.isnan(m.density) else m for m in mesh.materials]

@@ -49,7 +49,7 @@ def slices(mesh: Mesh, anchored: IntArray) -> list[IntArray]:
     distance = distance_along(mesh, anchored)
     way = float(distance.max())
     link = linked(mesh)
-    middle = _across(mesh, link, np.concatenate([distance[b.connectivity].mean(axis=1) for b in mesh.blocks]), way)
+    middle = _across(mesh, link, mesh.element_means(distance), way)
     level = np.floor(np.round(_LEVELS * middle / way, _DIGITS)).astype(np.int64)
     piece = connected_components(link.multiply(equal_labels(link, level)), directed=False)[1]
     owner = np.full(len(mesh.points), -1)

@@ -97,12 +97,14 @@ class Stretching:
     def _omega(self) -> FloatArray:
         return self.modes.angular_frequency[self._elastic]
 
+    @property
+    def _shapes(self) -> FloatArray:
+        return self.modes.shapes[:, self._elastic]
+
     @cached_property
     def _spin(self) -> FloatArray:
         """Mean of ω_a·ω_b over the volume, ω = ½ curl φ, of coordinates of unit energy."""
-        return mean_spin(self.matrices.model.mesh, self.modes.shapes[:, self._elastic]) / np.outer(
-            self._omega, self._omega
-        )
+        return mean_spin(self.matrices.model.mesh, self._shapes) / np.outer(self._omega, self._omega)
 
     @cached_property
     def motions(self) -> FloatArray:
@@ -110,9 +112,7 @@ class Stretching:
 
         Responses to the interfaces' unit loads and the lowest modes, without those that stretch more than they turn.
         """
-        found = np.concatenate(
-            [self.loads.T @ self.modes.shapes[:, self._elastic] / self._omega, np.eye(self._omega.size)[:_LOW_MODES]]
-        )
+        found = np.concatenate([self.loads.T @ self._shapes / self._omega, np.eye(self._omega.size)[:_LOW_MODES]])
         scale = turning_scale((found**2).sum(axis=1), np.einsum("ia,ab,ib->i", found, self._spin, found))
         return found[scale > 0.0] * scale[scale > 0.0, None]
 
@@ -142,9 +142,7 @@ class Stretching:
         """Energy (p, p) that stress which turns with its material sets free outside the basis."""
         fourth = self._fourth
         forces = fourth.flattening_forces(fields, pairs)
-        held = (
-            self.matrices.supported.unknowns.of(self.modes.shapes[:, self._elastic]).T @ forces / self._omega[:, None]
-        )
+        held = self.matrices.supported.unknowns.of(self._shapes).T @ forces / self._omega[:, None]
         return 0.5 * (fourth.released(forces, f"Static response to {len(pairs)} flattenings") - held.T @ held)
 
     def membrane(self, stretching: bool, flattening: bool, keep_shapes: bool, least: float) -> Membrane:
@@ -166,7 +164,7 @@ class Stretching:
         count, directions = self._omega.size, self._directions
         first, second = np.triu_indices(directions.shape[1])
         self._refuse_what_does_not_fit(len(first))
-        unit = self.modes.shapes[:, self._elastic] / self._omega
+        unit = self._shapes / self._omega
         fields, pairs = unit @ directions, np.stack([first, second], axis=1)
         # Rows of forms by pair, and what is linear beside them, in coordinates of unit energy.
         forms, linear, signs = [], [], []
@@ -218,7 +216,7 @@ class Stretching:
         tense = _TURN**2 * (amplitudes * (energies @ amplitudes)).sum(axis=0) > TENSE * np.array(linear)
         found = against @ amplitudes
         large = (found * (self._spin @ found)).sum(axis=0) > np.where(tense & finer, TURNING, _LARGE) ** 2
-        found, unit = found[:, large], self.modes.shapes[:, self._elastic] / self._omega
+        found, unit = found[:, large], self._shapes / self._omega
         turned, missed = self._fourth.turns(forces @ amplitudes[:, large], unit @ found)
         known = missed < _MISSED * turned
         found = found[:, known & np.any(known & ((turned > _CLEAR) | (tense & finer)[large]))]
