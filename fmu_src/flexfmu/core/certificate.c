@@ -319,6 +319,8 @@ static double share_of(const Program *p, const double *error, double deflection)
 
 /* What goes onto the bound: half of the errors beyond 0.3 % are estimated below 0.6 of what they are. */
 static const double MARGIN = 1.25;
+/* Share of the deflection from which on membrane energy holds a body: where its next order is missed it is 0.2 at the most. */
+static const double HOLDS = 0.3;
 
 /* The deflection by membrane energy, or by what flattens sections alone. */
 static double moved_by_stretching(Body *body, Room *room, const double *q, int flattens) {
@@ -338,12 +340,12 @@ static double moved_by_stretching(Body *body, Room *room, const double *q, int f
 /* Bound of an error of which the shadow finds a share: near a critical load what it does not see grows as well, and the next
  * order after the second, `within` of the deflection, is that of a cosine. Of flattening, `flat` of it, only the first order is
  * known: in tubes and pipe bends what is missed is 0.2 to 2 times as much. So it is of membrane energy, by which `stretched` of it
- * is missing: of cones and saddles as much again is missed, or five times the square of the motion of second order. Large strain
- * neither knows: a bar that is pulled by EA (e + 3/2 e^2 + 1/2 e^3) is off by 2 e^2, and strain is larger than its mean. */
+ * is missing: of cones and saddles as much again is missed, or five times the square of the motion of second order; where it
+ * holds a body, as a blade, its linear deflections say nothing. Large strain neither knows: a bar that is pulled by EA (e + 3/2 e^2 + 1/2 e^3) is off by 2 e^2, and strain is larger than its mean. */
 static double bound_of(double share, double soft, double within, double flat, double stretched, double strain) {
     if (!(share > 0.0)) return 0.0;
-    return MARGIN * (share / sqrt(soft) + within * within / 6.0 + 2.0 * flat + fmin(stretched, 5.0 * within * within)) +
-           4.0 * strain * strain;
+    const double curved = stretched < HOLDS ? fmin(stretched, 5.0 * within * within) : 0.0;
+    return MARGIN * (share / sqrt(soft) + within * within / 6.0 + 2.0 * flat + curved) + 4.0 * strain * strain;
 }
 
 /* The shadow's coordinates where shapes of second order stay coordinates that are none of the body's: there they have the
