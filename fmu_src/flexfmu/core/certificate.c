@@ -319,8 +319,8 @@ static double share_of(const Program *p, const double *error, double deflection)
 
 /* What goes onto the bound: half of the errors beyond 0.3 % are estimated below 0.6 of what they are. */
 static const double MARGIN = 1.25;
-/* Share of the deflection from which on membrane energy holds a body: where its next order is missed it is 0.2 at the most. */
-static const double HOLDS = 0.3;
+/* Share of the deflection from which on membrane energy holds a body: where its next order is missed it is 0.5 at the most. */
+static const double HOLDS = 0.6;
 
 /* The deflection by membrane energy, or by what flattens sections alone. */
 static double moved_by_stretching(Body *body, Room *room, const double *q, int flattens) {
