@@ -188,6 +188,9 @@ static int answer_whole(Tied *x) {
     const Program *p = body->p;
     const int64_t m = p->modes;
     double *tangent = x->matrix, *gaps = x->ends.gaps;
+    const double cost = (double)(m * m) * ((double)m / 3.0 + 24.0 * (double)p->ties + 30.0 * (double)p->nodes);
+    /* It takes as long as many rounds of ties alone. */
+    s->all->rounds += (int64_t)(cost / round_cost(p));
     tangent_stiffness(body, &s->loads, 1, &s->middle, x->foreseen, &x->tangents, tangent);
     jacobians_at(body, s->there, &x->ends.of);
     gap_derivative(body, s->there, &x->ends.of, gaps);

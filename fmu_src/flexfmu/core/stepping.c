@@ -12,8 +12,6 @@
 
 /* Rounds of the iteration in an internal step of ordinary cost, and multiply-adds of such a round. */
 static const double ORDINARY_ROUNDS = 5.0, ORDINARY_ROUND = 5e4;
-/* What a round takes beside the work on its arrays, in multiply-adds. */
-static const double OVERHEAD = 2000.0;
 /* Angle by which the slowest mode of a body with ties turns in an internal step at the most, rad: a step that resolves no
  * mode at all has no estimate of its error. */
 static const double RESOLVED = 1.5;
@@ -136,13 +134,6 @@ static int beyond_reach(Body *body, const double *inputs, const double *inputs_e
     for (int64_t i = 0; i < 3 * p->turnings; i++)
         if (!(fabs(dot(p->turning + i * m, force, m)) < SENSELESS)) return 1;
     return 0;
-}
-
-/* Multiply-adds of a round: places and their derivatives, curvature, membrane energy, mass or joints. */
-static double round_cost(const Program *p) {
-    const double m = (double)p->modes, places = 18.0 * (double)p->nodes * m, bends = 4.0 * (double)p->bends;
-    const double stretches = 4.0 * (double)p->stretch_numbers, square = p->inertial || crossed(p) ? 4.0 * m * m : 0.0;
-    return OVERHEAD + (p->inertial || p->turns ? 3.0 : 1.0) * (places + bends) + stretches + square;
 }
 
 /* Rounds that a call may take: those of ordinary steps, and more where they cost less. */

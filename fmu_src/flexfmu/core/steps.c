@@ -8,6 +8,14 @@
 
 /* Part of that bound by which the bracket is uncertain where it is not round-off: no change below what it makes counts. */
 static const double NOISE = 1.0 / 16.0;
+/* What a round takes beside the work on its arrays, in multiply-adds. */
+static const double OVERHEAD = 2000.0;
+
+double round_cost(const Program *p) {
+    const double m = (double)p->modes, places = 18.0 * (double)p->nodes * m, bends = 4.0 * (double)p->bends;
+    const double stretches = 4.0 * (double)p->stretch_numbers, square = p->inertial || crossed(p) ? 4.0 * m * m : 0.0;
+    return OVERHEAD + (p->inertial || p->turns ? 3.0 : 1.0) * (places + bends) + stretches + square;
+}
 
 void take_step(const Body *body, Arena *arena, Step *step) {
     const int64_t m = body->p->modes;

@@ -68,6 +68,9 @@ typedef struct {
  * of these steps, but hardly one of them to the tolerance. */
 enum { MOST_ROUNDS = 16 };
 
+/* Multiply-adds of a round: places and their derivatives, curvature, membrane energy, mass or joints. */
+double round_cost(const Program *p);
+
 void take_step(const Body *body, Arena *arena, Step *step);
 /* All internal steps from a state, overwritten where the answer is DONE. */
 int internal_steps(const Stepper *stepper, Step *step, Body *body, Substeps *all, double *q, double *v);
