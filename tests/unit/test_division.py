@@ -280,6 +280,12 @@ def test_levels_are_no_thinner_than_rows_of_elements(kind):
     assert [len(divided(mesh, levels).subdomains) for levels in (3, 5, 6, 16)] == [3, 5, 5, 5]
 
 
+def test_levels_of_bricks_may_be_thinner_than_their_diagonal():
+    """From a corner of a plate each brick reaches further than its rows are apart."""
+    mesh = with_sets(box(ElementType.C3D8, (6, 6, 1), (6.0, 6.0, 0.5)), ROOT=lambda p: p[:, 0] + p[:, 1])
+    assert len(divided(mesh, 8).subdomains) > len(divided(mesh, 6).subdomains)
+
+
 def test_a_body_without_supports_cannot_be_divided():
     mesh = box(ElementType.C3D8, (2, 1, 1), (2.0, 1.0, 1.0))
     with pytest.raises(BodyFileError, match=r"counts from the supports, and the body has none"):

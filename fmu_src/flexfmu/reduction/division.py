@@ -30,6 +30,8 @@ _SLIVER = 0.34
 _FRAGMENT = 0.1
 # Distances, areas and places that differ by less than this share are the same: round-off must not decide.
 _DIGITS = 9
+# Corners of bricks; of sheets with four those of both faces.
+_BRICK = 8
 # Least distance between nodes that an equation joins, over the body's size: a graph's edge of none is no edge.
 _TOUCHING = 1e-12
 
@@ -124,10 +126,11 @@ def divide(mesh: Mesh, supported: IntArray, levels: int) -> Division:
     """
     distance = _supported_distance(mesh, supported)
     middle = mesh.element_means(distance)
-    # Thinner than a row of elements, a level would be its triangles that point one way, each a piece.
-    row = np.median(np.concatenate([np.ptp(distance[block.connectivity], axis=1) for block in mesh.blocks]))
+    # Thinner than a row of triangles or tetrahedra, a level would be those that point one way, each a piece.
+    pointed = [block.connectivity for block in mesh.blocks if block.type.corner_count < _BRICK]
+    rows = np.concatenate([np.zeros(1), *(np.ptp(distance[nodes], axis=1) for nodes in pointed)])
     way = float(distance.max())
-    levels = max(round(way / max(float(row), way / levels)), 1)
+    levels = max(round(way / max(float(np.median(rows)), way / levels)), 1)
     depth = way / levels
     level = np.minimum(np.floor(np.round(middle / depth, _DIGITS)).astype(np.int64), levels - 1)
     return _divided(mesh, supported, level, linked(mesh), distance, depth)
