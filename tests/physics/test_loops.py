@@ -404,6 +404,14 @@ def test_leaves_swing_in_steps_of_a_fiftieth_of_the_period(leaves, ramp):
     np.testing.assert_allclose(held[ramp:], held[ramp], atol=1e-8)  # J, of 0.5
 
 
+def test_a_round_by_the_whole_tangent_counts_as_the_many_that_it_takes_as_long_as(leaves):
+    """Eight rounds of ties and sixteen of the whole tangent are all that an internal step may take."""
+    step, load = 0.1 * np.pi / leaves.model.angular_frequency[0], leaves.loads({"stage": (30.0, 0.0, 0.0)})
+    _, work = leaves.step_with_work(leaves.rest(), load, step)
+    assert work.substeps == 1
+    assert work.iterations > 8 + 16
+
+
 def test_joints_that_ring_in_motion_are_no_error(leaves, tmp_path):
     """Nor are they to the FMU, which looks in slices, and warns of a mass that changes alone."""
     driven, told = Driven(leaves.model, tmp_path, **{"error.interval": 2.0, "watch.error.limit": 5e-3}), []

@@ -341,7 +341,8 @@ static double moved_by_stretching(Body *body, Room *room, const double *q, int f
  * order after the second, `within` of the deflection, is that of a cosine. Of flattening, `flat` of it, only the first order is
  * known: in tubes and pipe bends what is missed is 0.2 to 2 times as much. So it is of membrane energy, by which `stretched` of it
  * is missing: of cones and saddles as much again is missed, or five times the square of the motion of second order; where it
- * holds a body, as a blade, its linear deflections say nothing. Large strain neither knows: a bar that is pulled by EA (e + 3/2 e^2 + 1/2 e^3) is off by 2 e^2, and strain is larger than its mean. */
+ * holds a body, as a blade, its linear deflections say nothing. Large strain neither knows: a bar that is pulled by
+ * EA (e + 3/2 e^2 + 1/2 e^3) is off by 2 e^2, and strain is larger than its mean. */
 static double bound_of(double share, double soft, double within, double flat, double stretched, double strain) {
     if (!(share > 0.0)) return 0.0;
     const double curved = stretched < HOLDS ? fmin(stretched, 5.0 * within * within) : 0.0;
