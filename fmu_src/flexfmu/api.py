@@ -219,8 +219,7 @@ class Body:
         for table, values in chosen.items():
             given = {key: plain(value) for key, value in values.items() if value is not None}
             data[table] = {**data.get(table, {}), **given}
-        spec = checked_spec(data)
-        return BuiltBody(reduce_mesh(self.mesh, spec, self._origin, report or ScriptReporter(), store))
+        return BuiltBody(reduce_mesh(self.mesh, checked_spec(data), self._origin, report or ScriptReporter(), store))
 
 
 def _choose_frames(

@@ -52,5 +52,4 @@ def surface_von_mises(model: ReducedBody, q: FloatArray) -> FloatArray:
     if surface.stress is None:
         raise OptionError("the body was built without the stress of its surface: set stress = true in [output]")
     xx, yy, zz, xy, yz, zx = np.moveaxis(surface.stress @ q, 1, 0)
-    shear = xy**2 + yz**2 + zx**2
-    return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * shear)
+    return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (xy**2 + yz**2 + zx**2))

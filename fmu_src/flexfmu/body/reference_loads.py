@@ -87,16 +87,17 @@ def lumps_are_fine(body: ReducedBody) -> bool:
 
 def differs_more(body: ReducedBody, shadow: Shadow) -> bool:
     """Whether reference loads part a held body from a shadow, and further than from its own one."""
+    *own, other = apart(body, body.shadow, shadow)
+    return bool(other > max(own, default=_SLIGHT) and other > _SLIGHT)
+
+
+def apart(body: ReducedBody, *shadows: Shadow | None) -> FloatArray:
+    """Largest shares of its deflection by which reference loads that all bear part a body from shadows."""
     model = FlexibleBody(body)
-    shadows = [FlexibleBody(one.body, Method.SECOND_ORDER) for one in (body.shadow, shadow) if one is not None]
-    off = np.full(len(shadows), _SLIGHT)
+    every = [model, *(FlexibleBody(one.body, Method.SECOND_ORDER) for one in shadows if one is not None)]
+    off = np.zeros(len(every) - 1)
     for _, name, force in reference_loads(model):
         with suppress(EquilibriumError):
-            own, *others = (_moved(one, {name: force.tolist()}) for one in (model, *shadows))
-            off = np.maximum(off, [np.linalg.norm(own - one) / np.linalg.norm(own) for one in others])
-    return bool(off[-1] > off[0])
-
-
-def _moved(model: FlexibleBody, loads: dict[str, list[float]]) -> FloatArray:
-    """Deflections (I, 3) of interfaces in equilibrium."""
-    return model.response(model.static(loads)).displacement
+            own, *rest = (one.response(one.static({name: force.tolist()})).displacement for one in every)
+            off = np.maximum(off, [np.linalg.norm(own - one) / np.linalg.norm(own) for one in rest])
+    return off

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..body.reference_loads import differs_more, keeps_its_mass, lumps_are_fine
+from ..body.reference_loads import apart, differs_more, keeps_its_mass, lumps_are_fine
 from ..files.basics import FlexfmuError, FloatArray, UnitSystem, own_version, plural
 from ..files.outputs import Reporter, Tentative, check_target, whole_file
 from ..files.store import Store
@@ -27,7 +27,7 @@ from ..model.summary import NORMAL_MODES, first_frequency, missed_words, summary
 from ..model.variants import chosen
 from ..program.mass_polynomial import mass_polynomial
 from ..reduction.bodies import used_body
-from ..reduction.cut.parts import AGAINST_OPENED, chosen_cuts, reduced_parts, reduced_whole
+from ..reduction.cut.parts import AGAINST_OPENED, Opened, chosen_cuts, reduced_parts, reduced_whole
 from ..reduction.masses import body_properties
 from ..reduction.model import Model, assemble_model, needless
 from ..reduction.options import DEFAULT_FRAMES, BodyOptions, BodyUse, by_name, element_set, node_set, support_places
@@ -112,6 +112,8 @@ _DRIFTING = (
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
 _FAR_BENT = 'loads may pass the range of its mass polynomial: reduced again with lumps, unless mass = "polynomial"'
+# Own error at reference loads from which on a body is tried with its loops cut, and what that has to leave of it.
+_WRONG, _CLEARLY = 0.01, 0.2
 _COARSE = "lumps on its frames are too coarse: it keeps the polynomial and refuses steps past it; take more frames"
 
 
@@ -184,15 +186,42 @@ def reduce_mesh(
     report.note(f"{len(mesh.points)} nodes, {mesh.element_count} elements, {model.free.size} free degrees of freedom")
     report.tell((*mesh.notes, *map(" ".join, summary(properties))))
     _tell_doubts(mesh, options, prepared.unused_material, report)
-    options, model = chosen_cuts(options, model, report, store)
+    (options, model), others = chosen_cuts(options, model, report, store)
     partly = np.setdiff1d(np.flatnonzero(model.placed.any(axis=1)), model.anchored).size
     report.tell([f"{partly} {_DRIFTING}"] * bool(partly and options.levels > 1 and not options.cuts))
     use = replace(config.use, provenance=_provenance(config, mesh, origin), properties=properties)
     # Who asks for a mass has it.
     asked = config.formulation.mass is not None or config.reduction.inertia is False
-    body = _with_mass(use, options, model, report, store, asked)()
+    draft = Tentative(report)
+    body = _cut_if_wrong(_with_mass(use, options, model, draft, store, asked)(), use, others, draft, report, store)
+    body = body if prepared.options.certificate else replace(body, shadow=None)
     _tell(config, body, report)
     return body
+
+
+def _cut_if_wrong(
+    body: ReducedBody, use: BodyUse, others: Sequence[Opened], draft: Tentative, report: Reporter, store: Store
+) -> ReducedBody:
+    """A body in one piece, or one of others that are cut if reference loads put it off, by its shadow, and them less.
+
+    What the draft holds is said of the one that is taken.
+    """
+    off = float(max(apart(body, body.shadow))) if others else 0.0
+    taken, least, words = body, _CLEARLY * off, f"{100.0 * off:.2g} % in one piece"
+    for options, model in others if off > _WRONG else ():
+        again = Tentative(report)
+        found, _ = _reduced(use, options, model, again, store)
+        left = float(max(apart(found, found.shadow)))
+        words += f", {100.0 * left:.2g} % cut into {plural(found.frame_count, 'frame')}"
+        if left < least:
+            draft.release(holds=False)
+            taken, least, draft = found, left, again
+            if left < _WRONG:
+                break
+    draft.release()
+    choice = 'it stays in one piece (cut = "auto" cuts it)' if taken is body else "it is cut (cut = [] leaves it whole)"
+    report.tell([f"supports close a loop; reference loads put the body off by {words}: {choice}"] * bool(others))
+    return taken
 
 
 def _with_mass(
@@ -408,8 +437,7 @@ def build_fmu(
         check_target(modal_file, (".h5",))
     # What cannot be compiled is told before anything long begins.
     cores_for(runtime, platforms, report, fmi)
-    config = read_body_file(body_file) if isinstance(body_file, Path) else body_file
-    body = reduce_body(config, report, store)
+    body = reduce_body(read_body_file(body_file) if isinstance(body_file, Path) else body_file, report, store)
     # The modal file takes its name once the FMU is there.
     with report.stage(f"Write {output}"), nullcontext() if modal_file is None else whole_file(modal_file) as part:
         if part is not None:

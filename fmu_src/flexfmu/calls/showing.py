@@ -187,8 +187,7 @@ def show_simulation(
     body = body_with(model, given)
     names, loads = read_table(table)
     outputs, motion = read_table(result)
-    rows = np.column_stack([loads[:, :1], packed_rows(model, names, loads)])
-    found = replay(body, rows, motion[:, 0], given, report)
+    found = replay(body, np.column_stack([loads[:, :1], packed_rows(model, names, loads)]), motion[:, 0], given, report)
     columns = motions.motion_columns(body, outputs)
     expected = motion[: len(found.q), [column + 1 for column in columns]]
     seen = np.array([body.core.motion(q)[list(columns.values())] for q in found.q])

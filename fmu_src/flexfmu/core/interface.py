@@ -73,8 +73,7 @@ def checksum(data: bytes) -> int:
 
 def _table() -> bytes:
     """What the core makes of the same table."""
-    lines = (f"{f.kind} {f.name}{f' {f.count}' if f.count else ''}\n" for f in fields())
-    return "".join(lines).encode()
+    return "".join(f"{f.kind} {f.name}{f' {f.count}' if f.count else ''}\n" for f in fields()).encode()
 
 
 @dataclass(frozen=True, slots=True)

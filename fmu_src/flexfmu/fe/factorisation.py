@@ -248,8 +248,7 @@ class Factorisation:
             permuted = sp.csc_matrix(matrix[self._order][:, self._order])
             if order is None:
                 _check_fill(matrix, node, self._order, tell)
-            options = {"SymmetricMode": True}
-            factor = spla.splu(permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
+            factor = spla.splu(permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
             # The elimination along the diagonal has no negative pivot then.
             self._solve, self.positive_definite = factor.solve, bool(np.all(factor.U.diagonal() > 0.0))
         except RuntimeError as error:

@@ -78,8 +78,7 @@ class _Body:
     def _states(self, displacement: FloatArray) -> Iterator[tuple[Cells, FloatArray, FloatArray]]:
         """Every part, and its `_state`."""
         if not np.array_equal(displacement, self._last[0]):
-            states = [self._state(number, displacement) for number in range(len(self._parts))]
-            self._last = displacement.copy(), states
+            self._last = displacement.copy(), [self._state(number, displacement) for number in range(len(self._parts))]
         for part, state in zip(self._parts, self._last[1], strict=True):
             yield part, *state
 

@@ -99,8 +99,7 @@ class BodySlave:
         # Masters may unpack the resources only: then there is no guid to compare.
         description = resources.parent / "modelDescription.xml"
         guid = (guid_in(description.read_bytes()) or "") if description.is_file() else self.guid
-        texts = (self.instance_name or "instance", guid, str(resources))
-        name, token, place = (text.encode() for text in texts)
+        name, token, place = (text.encode() for text in (self.instance_name or "instance", guid, str(resources)))
         found = self._core.fmi2Instantiate(name, _CO_SIMULATION, token, place, ctypes.byref(self._callbacks), 0, 1)
         self._handle = ctypes.c_void_p(found)
         if not self._handle:

@@ -419,8 +419,7 @@ def _structure(
     system = SubElement(root, "ssd:System", name=name)
     links = coupling.connection
     _connectors(system, dict.fromkeys((_TABLE + text for text in inputs), ("input", "Real")))
-    bindings = SubElement(system, "ssd:ParameterBindings")
-    SubElement(bindings, "ssd:ParameterBinding", source="resources/start.ssv")
+    SubElement(SubElement(system, "ssd:ParameterBindings"), "ssd:ParameterBinding", source="resources/start.ssv")
     elements = SubElement(system, "ssd:Elements")
     kinds = dict.fromkeys((*inputs, *(link.target for link in links)), "input")
     kinds |= dict.fromkeys((*(link.source for link in links), *outputs), "output")

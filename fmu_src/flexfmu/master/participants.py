@@ -344,8 +344,7 @@ class Participant:
                 self._slave = Instance(HAND_ON, **construction)
             else:
                 self._slave = ForeignSlave(self.name, timeout)
-                path = Path(self._folder, "flexfmu.shared")
-                self._slave.start(path, len(role.description.variables), **construction)
+                self._slave.start(Path(self._folder, "flexfmu.shared"), len(role.description.variables), **construction)
         self.functions = dict(self._slave.functions) if role.description.own else {}
         self.functions["take_back"] = _TAKE_BACK(lambda _: self._log.take_back())
         self.instance = self._slave.component if role.description.own else None

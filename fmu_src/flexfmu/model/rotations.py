@@ -33,8 +33,7 @@ def skew(vector: FloatArray) -> FloatArray:
 
 def product(first: FloatArray, second: FloatArray) -> FloatArray:
     """Second derivative (..., 3, m, m) of the vector product of two linear functions of q, (..., 3, m) each."""
-    matrices = np.moveaxis(skew(np.swapaxes(first, -1, -2)), -3, -1)
-    half = np.einsum("...ija,...jb->...iab", matrices, second)
+    half = np.einsum("...ija,...jb->...iab", np.moveaxis(skew(np.swapaxes(first, -1, -2)), -3, -1), second)
     return half + np.swapaxes(half, -1, -2)
 
 

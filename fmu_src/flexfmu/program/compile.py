@@ -67,8 +67,7 @@ def _interface_loads(draft: Draft, body: ReducedBody, elastic: slice) -> tuple[F
     force = np.concatenate([displacement, rotation], axis=1).reshape(6 * interfaces, -1)
     size = np.concatenate([np.ones((interfaces, 3)), np.repeat(1.0 / length[:, None], 3, axis=1)], axis=1).ravel()
     if body.masses is not None:
-        inertia = np.asarray(draft.arrays["inertia_operator"])[:, elastic] / omega
-        force = np.concatenate([force, inertia])
+        force = np.concatenate([force, np.asarray(draft.arrays["inertia_operator"])[:, elastic] / omega])
         size = np.concatenate([size, np.full(3, float(np.sum(body.masses.mass)))])
     return force, motion, size
 

@@ -212,8 +212,7 @@ def stiffness_by_load(matrices: Matrices, modes: Modes, modes_key: str, loads: F
             fields = model.whole(model.static(model.forces(every)))
             return geometric_stiffness(matrices.model.mesh, fields, modes.shapes)
 
-    key = content_key(__name__, "by load", modes_key, loads, heavy)
-    return matrices.kept(key, "geometric stiffness by load", make)
+    return matrices.kept(content_key(__name__, "by load", modes_key, loads, heavy), "geometric stiffness by load", make)
 
 
 def stiffness_by_mode(matrices: Matrices, modes: Modes, modes_key: str) -> FloatArray:

@@ -134,8 +134,7 @@ def whole_frame(model: Model, shapes: FloatArray, config: BodyOptions) -> WholeF
     body = volume_weighted(mesh, mesh.volume_matrices, np.arange(mesh.element_count))
     joint = section(mesh, hanging(model, config))
     every = np.arange(mesh.element_count)
-    turn = mean_rotation(mesh, every)
-    domain = Subdomain("whole", GROUND, every, body, turn, joint, joint.centre(mesh.points))
+    domain = Subdomain("whole", GROUND, every, body, mean_rotation(mesh, every), joint, joint.centre(mesh.points))
     found = frame_operators(mesh.points, shapes, [domain])
     operators = found.joint_displacement[0], found.joint_rotation[0], found.frame_rotation[0]
     return WholeFrame(domain.joint_point, *operators)

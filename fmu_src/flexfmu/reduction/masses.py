@@ -182,8 +182,7 @@ def _lump_of_elements(
     inertia = np.trace(square) * np.eye(3) - square
     # ∫ρ r × e, where the frame's turn is taken off: the mean of either does not count.
     swept = np.einsum("nij,nja->ia", skew(weighted), moved, optimize=True)
-    displacement = np.tensordot(share[part.nodes], moved, axes=1)
-    return float(weight.sum()), centre, displacement, inertia, swept - inertia @ turn
+    return float(weight.sum()), centre, np.tensordot(share[part.nodes], moved, axes=1), inertia, swept - inertia @ turn
 
 
 def lumped_mass(

@@ -389,8 +389,7 @@ def _softer(mesh: Mesh) -> str:
 def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) -> tuple[SecondOrder, FloatArray]:
     """Where places go at second order: those that the body's kinematics read, and the lumps of its mass."""
     mesh, subdomains, modes = divided.model.mesh, divided.subdomains, basis.modes
-    heavy = mass_centres(mesh, subdomains)[2] if divided.config.acceleration else []
-    centres = heavy + lump_centres
+    centres = (mass_centres(mesh, subdomains)[2] if divided.config.acceleration else []) + lump_centres
     turned, nodes = basis.frames.frame_rotation, [by_node(spring.nodes) for spring in divided.springs]
     what = subdomains, turned, divided.interfaces, centres, nodes, modes.angular_frequency
     readings = node_readings(mesh.points, modes.shapes, *what)

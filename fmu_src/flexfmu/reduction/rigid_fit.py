@@ -66,8 +66,7 @@ def rigid_motions(arm: FloatArray) -> FloatArray:
 
 def by_node(nodes: IntArray, weights: FloatArray | None = None) -> Weighted:
     """Weigh each node (k,) of a set by a number (k,), by default the same for all."""
-    values = np.ones(nodes.size) if weights is None else weights
-    return Weighted(nodes, sp.csr_array(sp.diags_array(values)))
+    return Weighted(nodes, sp.csr_array(sp.diags_array(np.ones(nodes.size) if weights is None else weights)))
 
 
 def rigid_fit(points: FloatArray, nodes: Weighted, origin: FloatArray) -> tuple[FloatArray, int]:

@@ -129,7 +129,6 @@ def supported(matrices: Eliminated, motions: FloatArray, tell: Callable[[str], N
         _, pivots = scipy.linalg.qr(rigid.T, mode="r", pivoting=True)
         kept = np.delete(kept, pivots[: rigid.shape[1]])
     # A copy of a large matrix counts beside its factors.
-    held = k[kept][:, kept] if rigid.shape[1] else k
-    factor = Factorisation(held, free[kept] // 3, tell=tell)
+    factor = Factorisation(k[kept][:, kept] if rigid.shape[1] else k, free[kept] // 3, tell=tell)
     held_back = matrices.unknowns, matrices.inertia, matrices.whole_stiffness
     return Supported(k, m, *held_back, factor, np.ascontiguousarray(rigid), kept)

@@ -178,8 +178,7 @@ def second_order_fields(
         # Twice the displacement that a pair's strain (18a) makes: ½ w holds it in both orders.
         pairs[:, part] = -2.0 * model.whole(model.static(model.forces(forces)))[rows] * weight[part]
     squares, turn = np.linalg.eigh(pairs.T @ pairs)
-    large = squares > (_SMALL**2) * squares[-1]
-    turn = turn[:, large]
+    turn = turn[:, squares > (_SMALL**2) * squares[-1]]
     # y = axes (size q): the coordinates of the directions.
     onto = np.zeros((kept, modes.shapes.shape[1]))
     onto[:, elastic] = axes * size

@@ -113,8 +113,7 @@ def _greedy(share: FloatArray, count: int) -> IntArray:
     goal, chosen = share.max(axis=0), np.zeros(share.shape[1])
     picked: list[int] = []
     for _ in range(min(count, len(share))):
-        left = ((goal - np.maximum(chosen, share)) ** 4).sum(axis=1)
-        picked.append(int(left.argmin()))
+        picked.append(int(((goal - np.maximum(chosen, share)) ** 4).sum(axis=1).argmin()))
         chosen = np.maximum(chosen, share[picked[-1]])
     return np.unique(picked)
 

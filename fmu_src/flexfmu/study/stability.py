@@ -164,8 +164,7 @@ def map_stability(
         raise SceneError("a map of stability takes [[static]] cases of a body that is held: add one to the scene")
     workshop = Workshop(scene, report, store, crew)
     kept = RecordFile(RUNS, records, _owner(scene))
-    models = mapped_models(scene)
-    left = [one for one in models if any(run.key not in kept for run in planned(scene, one))]
+    left = [one for one in mapped_models(scene) if any(run.key not in kept for run in planned(scene, one))]
     with report.counted("Map of stability", len(left), "models") as tell:
         truth = _truth(workshop) if left else {}
         for done, runs in enumerate(workshop.each(_run, [(one, truth) for one in left]), start=1):

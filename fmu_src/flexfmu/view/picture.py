@@ -71,8 +71,7 @@ def corner_edges(points: FloatArray, faces: IntArray) -> IntArray:
     total = np.zeros((len(edges), 3))
     np.add.at(total, index.ravel(), normals[owner])
     # |n₁ + n₂|² = 2 + 2 cos.
-    sharp = (count != 2) | ((total**2).sum(axis=1) < 2.0 + 2.0 * _CORNER)
-    return edges[sharp]
+    return edges[(count != 2) | ((total**2).sum(axis=1) < 2.0 + 2.0 * _CORNER)]
 
 
 def draw_surface(

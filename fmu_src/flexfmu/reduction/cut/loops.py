@@ -116,8 +116,7 @@ def support_groups(mesh: Mesh, nodes: IntArray) -> IntArray:
     for block in mesh.blocks:
         inside = place[block.connectivity]
         for a, b in zip(*np.triu_indices(inside.shape[1], 1), strict=True):
-            both = (inside[:, a] >= 0) & (inside[:, b] >= 0)
-            pairs.append(inside[both][:, [a, b]])
+            pairs.append(inside[(inside[:, a] >= 0) & (inside[:, b] >= 0)][:, [a, b]])
     return linked_pieces(np.concatenate(pairs), nodes.size)
 
 

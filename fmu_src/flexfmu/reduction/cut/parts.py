@@ -27,10 +27,9 @@ from .cut import SIDES, Part, cut_at, cut_parts, interface_sets, on_section, par
 from .joining import Weld, join_parts
 from .loops import LoopSection, inner_sections, loop_sections, support_groups
 
-# How much of the turning (mean square) frames of the parts have to take away: a twist-beam axle has 9 to 12, a beam
-# held at both ends and an arch 5, a portal frame 1.5 to 2.3, a ring on two feet 1.1. Of three arms and more at a hub,
-# where one piece opens two loops, less: three curved arms have 6.4, three folded ones 2.3, cut 20 to 50 times as right.
-_PAYS, _PAYS_OF_ARMS = 3.0, 2.0
+# How much of the turning (mean square) frames of the parts have to take away to cut at once: a twist-beam axle has 9 to
+# 12, a beam held at both ends and an arch 5, three curved arms at a hub 6.4. Of others the error in one piece decides.
+_PAYS = 3.0
 # Share of stretching above which stretch stops a body before its material turns by half a radian, the most that is
 # trusted within a frame: a beam held at both ends has 85, an arch 9, a twist-beam axle 0.02 to 0.4.
 _STOPS = 4.0
@@ -43,7 +42,11 @@ AGAINST_OPENED = 'its own error is that against the opened body (cut = "auto" op
 _MOST_SUPPORTS = 8
 
 
-def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Store) -> tuple[BodyOptions, Model]:
+# A body that is cut: options with a table for each section, and the model with a node set for each.
+Opened = tuple[BodyOptions, Model]
+
+
+def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Store) -> tuple[Opened, list[Opened]]:
     """Find the sections of `cut = "auto"`; cut a body that nothing is said of where its supports' loop turns far.
 
     Parameters
@@ -57,32 +60,33 @@ def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Stor
 
     Returns
     -------
-    config : BodyOptions
-        With a table for each section.
-    model : Model
-        With a node set for each.
+    chosen : BodyOptions and Model
+    others : list of BodyOptions and Model
+        What to try where that is wrong at reference loads, with more and more frames.
     """
     if config.find_cuts:
         with report.stage("Look for loops to cut"):
             found, opened, notes = cut_loops(config, model)
         report.tell(notes)
-        return found, opened
+        return (found, opened), []
     if not (config.may_cut and _closes_loops(model)):
-        return config, model
+        return (config, model), []
     if _rolls(model):
         # Cut bodies are no good in motion there, and frames that hang on sliding places alone are all astray.
-        return (config if model.fixed.all(axis=1).any() else replace(config, levels=1)), model
+        return (config if model.fixed.all(axis=1).any() else replace(config, levels=1), model), []
     with report.stage("Look for loops to cut"):
         found, opened, notes = cut_at(config, model, _between_supports(config, model))
     parts = _parts(found, opened)
     if not parts:
-        return config, model
-    cut, whole, reason = _decided(config, Matrices(model, report, store), parts)
-    report.note(reason)
-    if not cut:
-        return (replace(config, levels=1, may_cut=False) if whole else config), model
-    report.tell(notes)
-    return found, opened
+        return (config, model), []
+    cut, reason = _decided(config, Matrices(model, report, store), parts)
+    if cut is None:
+        config = replace(config, certificate=True)
+        return (config, model), [
+            (replace(one, certificate=True), opened) for one in (found, _as_long(config, model, found, parts))
+        ]
+    report.tell([reason, *(notes if cut else ())])
+    return ((found, opened) if cut else (replace(config, levels=1, may_cut=False), model)), []
 
 
 def cut_loops(config: BodyOptions, model: Model) -> tuple[BodyOptions, Model, list[str]]:
@@ -110,10 +114,13 @@ def _opened(config: BodyOptions, model: Model, within: list[LoopSection]) -> tup
     parts = _parts(found, opened)
     if not parts:
         return cut_at(config, model, [])
-    if not config.levels_asked:
-        before, *after = (float(distance_along(m.mesh, m.anchored).max()) for m in (model, *(p.model for p in parts)))
-        found = replace(found, levels=len(parts) * ceil(config.levels * max(after) / before - _ROUNDED))
-    return found, opened, notes
+    return found if config.levels_asked else _as_long(config, model, found, parts), opened, notes
+
+
+def _as_long(config: BodyOptions, model: Model, found: BodyOptions, parts: Sequence[Part]) -> BodyOptions:
+    """Options of a body that is cut, with frames as long as before."""
+    before, *after = (float(distance_along(m.mesh, m.anchored).max()) for m in (model, *(p.model for p in parts)))
+    return replace(found, levels=len(parts) * ceil(config.levels * max(after) / before - _ROUNDED))
 
 
 def _within(config: BodyOptions, model: Model) -> list[LoopSection]:
@@ -152,21 +159,21 @@ def _parts(config: BodyOptions, model: Model) -> list[Part]:
     return parts
 
 
-def _decided(config: BodyOptions, matrices: Matrices, parts: list[Part]) -> tuple[bool, bool, str]:
-    """Whether to cut, whether one frame keeps the loop closed better than several, and why.
+def _decided(config: BodyOptions, matrices: Matrices, parts: list[Part]) -> tuple[bool | None, str]:
+    """Whether to cut, or else to have one frame, which keeps the loop closed better than several, and why.
 
-    A body is cut where the parts turn as a whole, unless stretch stops it before it turns far.
+    A body is cut where the parts turn as a whole, unless stretch stops it before it turns far; None where they do not.
     """
     mesh = matrices.model.mesh
     nodal = [fit_interface(table, mesh, ()).nodal_loads(len(mesh.points))[:, :3] for table in config.interfaces]
     fields, _ = FourthOrder(matrices).responses(forces := np.hstack(nodal))
     gain = turning_taken(mesh, fields, [part.elements for part in parts])
     begin = f"supports close a loop: frames of its {len(parts)} parts leave 1/{gain:.2g} of the turning of one frame"
-    if gain < (_PAYS if len(parts) < 3 else _PAYS_OF_ARMS):
-        return False, False, f'{begin}; the body stays in one piece (cut = "auto" cuts it)'
+    if gain < _PAYS:
+        return None, ""
     if energy_shares(matrices, forces)[0] > _STOPS:
-        return False, True, f"{begin}, but stretch stops it before it turns far: one piece, one frame"
-    return True, False, f"{begin}, and it can turn far: it is cut (cut = [] leaves it in one piece)"
+        return False, f"{begin}, but stretch stops it before it turns far: one piece, one frame"
+    return True, f"{begin}, and it can turn far: it is cut (cut = [] leaves it in one piece)"
 
 
 def turning_taken(mesh: Mesh, fields: FloatArray, parts: Sequence[IntArray]) -> float:

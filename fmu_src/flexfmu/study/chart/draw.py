@@ -154,8 +154,7 @@ def _page(rows: Sequence[Record], title: str) -> str:
     from .. import pictures as look
 
     names = [field.name for field in fields(Record) if field.name not in _LEFT_OUT]
-    told = ("label", "short_label", "plainness")
-    data = [{name: getattr(row, name) for name in (*names, *told)} for row in rows]
+    data = [{name: getattr(row, name) for name in (*names, "label", "short_label", "plainness")} for row in rows]
     reduced = [row for row in rows if row.solver == REDUCED]
     content: dict[str, object] = {"rows": data, "columns": names, "filters": _FILTERS, "reduced": REDUCED}
     for kind, axes in (("costs", _COSTS), ("errors", _ERRORS)):
