@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bodies import COROTATED, LINEAR, Beam, beam_body, random_body
+from bodies import COROTATED, LINEAR, Beam, beam_body, random_body, with_second_order
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.files.basics import EquilibriumError, OptionError, StepError
+from flexfmu.model.methods import Method
 
 BEAM = Beam()
 HEAVY = {"tip": (-2e3, 0.6 * BEAM.bending_stiffness, 0.0)}
@@ -69,6 +70,41 @@ def test_internal_steps_by_the_billion_are_refused_before_the_first():
     with pytest.raises(StepError, match=r"1 s needs 100000000 internal steps by internal_step.limit"):
         body.step(body.rest(), HEAVY, 1.0)
     assert refused_rounds(body, body.rest(), HEAVY, 1.0) == 0
+
+
+def large(frames, most):
+    """A body of so many modes that a round reads more than an ordinary one works, and how much a call may take."""
+    model = with_second_order(beam_body(frames, modes=45), 1e-9)
+    return FlexibleBody(model, Method.SECOND_ORDER, limits=StepLimits(0.0, 1e-4, most))
+
+
+def bent(body, share, step):
+    """Answer, internal steps and rounds of a step from rest under a force across, over its stiffness."""
+    rest, loads = body.rest(), body.loads({"tip": (-2e3 * share, share * BEAM.bending_stiffness, 0.0)})
+    answer, *_, work = body.core.step(rest.q, rest.v, loads.packed(False), step)
+    return answer.name, *work[:2]
+
+
+def test_a_large_body_takes_a_step_that_keeps_its_pace():
+    """Most of its rounds are those of the last try, more than are let go in vain."""
+    answer, _, rounds = bent(large(6, 170.0), 0.6, 0.05)
+    assert answer == "OK"
+    assert rounds > 0.8 * ORDINARY * 170
+
+
+@pytest.mark.parametrize(("share", "step"), [(0.6, 0.05), (2.0, 0.01)])
+def test_a_large_body_gives_up_where_the_pace_of_a_step_is_too_slow(share, step):
+    """It went on to the last of 500 rounds."""
+    answer, _, rounds = bent(large(6, 100.0), share, step)
+    assert answer == "TOO_MUCH_WORK"
+    assert 0 < rounds < 0.7 * ORDINARY * 100
+
+
+def test_a_large_body_gives_up_where_many_tries_have_been_in_vain():
+    """It went on to the finest division."""
+    answer, substeps, _ = bent(large(14, 60.0), 2.0, 0.1)
+    assert answer == "TOO_MUCH_WORK"
+    assert substeps < 64
 
 
 def test_statics_near_a_critical_load_end_within_the_bound():

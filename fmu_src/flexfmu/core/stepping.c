@@ -12,6 +12,8 @@
 
 /* Rounds of the iteration in an internal step of ordinary cost, and multiply-adds of such a round. */
 static const double ORDINARY_ROUNDS = 5.0, ORDINARY_ROUND = 5e4;
+/* Numbers that a processor reads from far memory in the time of an internal step, where all that a call may take last a second. */
+static const double READ = 6e5;
 /* Angle by which the slowest mode of a body with ties turns in an internal step at the most, rad: a step that resolves no
  * mode at all has no estimate of its error. */
 static const double RESOLVED = 1.5;
@@ -141,6 +143,13 @@ static double most_rounds(const Body *body) {
     return fmin(UNCOUNTED, ORDINARY_ROUNDS * body->limits.most * fmax(1.0, ORDINARY_ROUND / round_cost(body->p)));
 }
 
+/* Rounds that are in vain, up to which a step is tried again. Those of bodies of hundreds of modes last as long as what they read. */
+static double doubtful_rounds(const Body *body) {
+    const Program *p = body->p;
+    const double m = (double)p->modes, joints = p->tied ? m * m * (1.0 + (double)p->pulls) : 0.0;
+    return READ * body->limits.most / fmax(1.0, (double)p->bends + (double)p->stretch_numbers + joints);
+}
+
 /* Internal steps that a step has at least. */
 static double fewest_steps(const Body *body, double step) {
     const double longest = body->limits.longest;
@@ -160,12 +169,15 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
     work->iterations = 0;
     if (least > most) return FLEX_TOO_MANY_STEPS;
     const int64_t fewest = (int64_t)least;
-    Substeps all = {inputs, inputs_end, 0.0, 0, body->limits.tolerance, 0, (int64_t)rounds, 0.0, 0, work->astray};
+    Substeps all = {inputs, inputs_end, 0.0, 0, body->limits.tolerance, 0, (int64_t)rounds, 0.0, 0, work->astray, 0, 0, 0};
     const int64_t usual = larger(fewest, *hint), finer = (double)(usual * work->finer) <= most ? larger(1, work->finer) : 1;
     all.count = usual * finer;
     if ((double)all.count > most) all.count = (int64_t)most;
+    all.doubtful = (int64_t)fmin(doubtful_rounds(body), rounds - 1.0);
     int answer = UNSETTLED;
-    while ((double)all.count <= most && all.rounds < all.most_rounds) {
+    double vain = 0.0;
+    while ((double)all.count <= most && all.rounds < all.most_rounds && vain <= (double)all.doubtful) {
+        all.before = all.rounds;
         all.step = step / (double)all.count;
         memcpy(body->scratch.end_q, q, size);
         memcpy(body->scratch.end_v, v, size);
@@ -175,6 +187,8 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
         work->substeps = all.count;
         work->error = answer == INACCURATE ? all.worst : HUGE_VAL;
         if (answer == DONE) break;
+        /* The nearer a try has come to the end, the likelier is the next one to reach it. */
+        vain += (double)(all.rounds - all.before) * (1.0 - (double)all.reached / (double)all.count);
         all.count *= 2;
         if (all.count >= SUSPECT && all.massless) return FLEX_BEYOND_MASS;
         if (all.count >= SUSPECT && beyond_reach(body, inputs, inputs_end, step, q, v)) return FLEX_NOT_CONVERGED;

@@ -17,6 +17,9 @@ typedef struct {
     double worst;
     int massless; /* 1 where the deformed body's mass was not positive */
     double *astray; /* that of Work */
+    /* Rounds of tries before; those from which on a try goes on only where its pace lets it end within most_rounds; the internal
+     * step that it has come to. */
+    int64_t before, doubtful, reached;
 } Substeps;
 
 /* The discrete gradient's bracket is skipped below this part of what it is a difference of: it is round-off there, cubic in
