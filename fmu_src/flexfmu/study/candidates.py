@@ -155,11 +155,9 @@ def reduction_config(config: BodyFile, reduction: Reduction, variants: list[Vari
             "second_order": Data.SECOND_ORDER in data,
         }
     )
-    frames: dict[str, object] = {"frames": None, "frame": [], "branch": []}
+    frames: dict[str, object] = {"frames": reduction.frames, "frame": [], "branch": []}
     if reduction.frames == GIVEN:
-        frames |= {"frame": config.frame, "branch": config.branch}
-    else:
-        frames["frames"] = reduction.frames
+        frames = {"frames": None, "frame": config.frame, "branch": config.branch}
     start = FormulationTable(method=variants[0].method, mass=variants[0].mass)
     return config.model_copy(update={**frames, "reduction": table, "formulation": start})
 

@@ -205,15 +205,9 @@ _ABOVE, _MOST = 1.05, 0.98
 
 
 class Heard(Reporter):
-    """Keeps notes and warnings; passes warnings on, once each, where someone is given who wants them.
+    """Keeps notes and warnings, doubts among them."""
 
-    Parameters
-    ----------
-    report : Reporter, optional
-    """
-
-    def __init__(self, report: Reporter | None = None):
-        self._report = report
+    def __init__(self) -> None:
         self.notes: list[str] = []
         self.warnings: list[str] = []
 
@@ -222,15 +216,7 @@ class Heard(Reporter):
         self.notes.append(text)
 
     def warning(self, text: str) -> None:
-        """Keep it, and pass it on if it is new."""
-        if self._report is not None and text not in self.warnings:
-            self._report.warning(text)
-        self.warnings.append(text)
-
-    def doubt(self, text: str) -> None:
-        """Keep it as a warning, and pass it on as what it is, which may end the job."""
-        if self._report is not None and text not in self.warnings:
-            self._report.doubt(text)
+        """Keep it."""
         self.warnings.append(text)
 
 
@@ -447,20 +433,18 @@ def _elsewhere(scene: Scene, store: Store, known: dict[str, Reference]) -> Works
     return workshop
 
 
-def build(config: BodyFile, store: Store, report: Reporter | None = None) -> Built:
+def build(config: BodyFile, store: Store) -> Built:
     """Reduce a body in silence: who asked tells what is tried.
 
     Parameters
     ----------
     config : BodyFile
     store : Store
-    report : Reporter, optional
-        To whom warnings go.
 
     Returns
     -------
     Built
     """
-    heard, start = Heard(report), time.perf_counter()
+    heard, start = Heard(), time.perf_counter()
     body = reduce_body(config, heard, store)
     return Built(body, time.perf_counter() - start, any(REUSED in note for note in heard.notes))

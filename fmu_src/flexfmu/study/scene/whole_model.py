@@ -7,7 +7,6 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...build.config import BodyFile
 from ...build.reduce import BodyModel, read_body_model
 from ...fe.nonlinear import load_path
 from ...files.basics import AccuracyError, FloatArray
@@ -59,7 +58,6 @@ class WholeModel:
 
     def __init__(self, scene: Scene, report: Reporter, store: Store):
         self._scene = scene
-        self._config: BodyFile = scene.config
         self._report = report
         self._store = store
 
@@ -70,7 +68,7 @@ class WholeModel:
 
     @cached_property
     def _body_model(self) -> BodyModel:
-        return read_body_model(self._config, self._report)
+        return read_body_model(self._scene.config, self._report)
 
     @cached_property
     def interfaces(self) -> list[InterfaceFit]:
@@ -126,8 +124,7 @@ class WholeModel:
         SceneError
             A moment, a free body, or no equilibrium.
         """
-        refusal = self.refusal(case)
-        if refusal:
+        if refusal := self.refusal(case):
             raise SceneError(refusal)
         load = self.load(case)
         matrices = Matrices(self.model, self._report).key
