@@ -43,14 +43,10 @@ def chosen(body: ReducedBody, method: Method | str | None = None, mass: Mass | s
     OptionError
         No such method or mass, a mass that the method does not know, or data that the body was built without.
     """
-    if method is None:
-        one = Method.LINEAR if has_frames(body.method) and not body.frame_count else body.method
-    else:
-        one = named(Method, method)
-    if mass is not None:
-        found = Variant(one, named(Mass, mass))
-    else:
-        found = Variant(one, body.mass if body.mass in masses_of(one) else Mass.CONSTANT)
+    usual = Method.LINEAR if has_frames(body.method) and not body.frame_count else body.method
+    one = usual if method is None else named(Method, method)
+    own = body.mass if body.mass in masses_of(one) else Mass.CONSTANT
+    found = Variant(one, own if mass is None else named(Mass, mass))
     lack = missing(body, found.method, found.mass)
     if lack is not None:
         raise OptionError(f'method "{found.words}" needs {lack}, and body {body.name!r} was built without')
@@ -199,17 +195,14 @@ def _check_names(body: ReducedBody, names: Collection[str], method: Method) -> N
 
 def _parts_fixed(body: ReducedBody, found: dict[str, Any], turn: FloatArray) -> dict[str, Any]:
     """Those of the turned parts that frames carry or that move at second order, without the floating frame."""
-    gone, second, curvature = int(body.floating), body.second, None
-    masses, surface, inertia = found["masses"], body.surface, found["inertia"]
-    if masses is not None:
-        masses = replace(masses, frame=np.maximum(masses.frame - gone, GROUND))
-    if surface is not None:
-        surface = _surface_fixed(body, surface, turn, gone)
-    if second is not None:
-        second, curvature = _second_fixed(body, second, turn)
-    if inertia is not None:
-        inertia = without_frames(replace(inertia, curvature=curvature), gone)
-    return {"masses": masses, "surface": surface, "inertia": inertia, "second": second}
+    gone, masses, inertia = int(body.floating), found["masses"], found["inertia"]
+    second, curvature = (None, None) if body.second is None else _second_fixed(body, body.second, turn)
+    return {
+        "masses": masses and replace(masses, frame=np.maximum(masses.frame - gone, GROUND)),
+        "surface": body.surface and _surface_fixed(body, body.surface, turn, gone),
+        "inertia": inertia and without_frames(replace(inertia, curvature=curvature), gone),
+        "second": second,
+    }
 
 
 def _second_fixed(body: ReducedBody, second: SecondOrder, turn: FloatArray) -> tuple[SecondOrder, FloatArray | None]:
@@ -303,27 +296,23 @@ def with_frame_layout(body: ReducedBody, method: Method) -> ReducedBody:
 
 def _as_one(body: ReducedBody) -> ReducedBody:
     """The body on one frame: its floating frame, or that of the whole body about its supports."""
-    names = [entry.name for entry in ARRAYS["whole"]]
+    names, found = [entry.name for entry in ARRAYS["whole"]], dict[str, Any]()
     if body.floating:
-        frame = {name: getattr(body, name)[:1] for name in names}
+        found |= {name: getattr(body, name)[:1] for name in names}
     elif body.whole is None:
         raise OptionError("the method needs the whole body's frame, which this modal file does not hold")
     else:
-        frame = {name: getattr(body.whole, name)[None] for name in names}
-    masses, surface = body.masses, body.surface
-    if masses is not None:
-        masses = replace(masses, frame=np.zeros_like(masses.frame))
-    if surface is not None:
-        surface = replace(surface, frame=np.zeros_like(surface.frame))
+        found |= {name: getattr(body.whole, name)[None] for name in names}
+    for name in ("masses", "surface"):
+        part = getattr(body, name)
+        found[name] = part and replace(part, frame=np.zeros_like(part.frame))
     return replace(
         body,
         frame_names=(body.frame_names[0] if body.floating else "whole",),
         frame_parent=np.array([GROUND]),
         interface_frame=np.zeros_like(body.interface_frame),
-        masses=masses,
-        surface=surface,
         inertia=None,
         second=None,
         membrane=None,
-        **frame,
+        **found,
     )
