@@ -88,8 +88,7 @@ class BodySpec(Table):
         if self.free and "by_load" in (self.reduction.geometric_stiffness or ()):
             found = 'geometric_stiffness "by_load" needs the stress of each load by itself, and a free body has none'
             raise ValueError(f"{found}: what balances the load is not known before; take it out")
-        reason = conflict(self.variant, self.free, bool(self.cut))
-        if reason is not None:
+        if reason := conflict(self.variant, self.free, bool(self.cut)):
             raise ValueError(reason)
         if self.cut:
             self._check_cut()
@@ -258,8 +257,7 @@ class BodySpec(Table):
         """Places of the loads whose residual flexibility is listed, among forces of all interfaces, then moments."""
         names = [i.name for i in self.interface]
         listed = self.residual
-        kinds = ("force", "moment")
-        known = [f"{name}.{kind}.{axis}" for kind in kinds for name in names for axis in ("x", "y", "z")]
+        known = [f"{name}.{kind}.{axis}" for kind in ("force", "moment") for name in names for axis in "xyz"]
         if not isinstance(listed, list):
             return list(range(len(known))) if listed else []
         for name in listed:

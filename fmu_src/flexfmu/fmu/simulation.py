@@ -254,14 +254,11 @@ def _known(description: ModelDescription, causality: str, names: Iterable[str], 
 
 def _typed(variables: Sequence[ScalarVariable], settings: Mapping[str, object]) -> dict[str, object]:
     """Start values of their variables' types and within their limits."""
-    known = {v.name: v for v in variables}
-    result: dict[str, object] = {}
+    known, result = {v.name: v for v in variables}, dict(settings)
     for name, value in settings.items():
         variable = known[name]
-        if variable.type == "String":
-            result[name] = f"{value:g}" if isinstance(value, float) else value
-            continue
-        result[name] = value
+        if variable.type == "String" and isinstance(value, float):
+            result[name] = f"{value:g}"
         if variable.type != "Real":
             continue
         low = -math.inf if variable.min is None else float(variable.min)
@@ -336,15 +333,15 @@ def outcome(names: Sequence[str], result: FloatArray, warnings: int) -> str:
     """
     found = []
     for quantity, words in (("displacement", _length), ("rotation", lambda value: f"{np.degrees(value):.4g}°")):
-        best: tuple[float, str, float] | None = None
+        lengths: list[tuple[float, str, float]] = []
         for interface in dict.fromkeys(name.split(".")[0] for name in names if f".{quantity}." in name):
             columns = [1 + names.index(f"{interface}.{quantity}.{axis}") for axis in "xyz"]
             length = np.linalg.norm(result[:, columns], axis=1)
             row = int(np.argmax(length))
-            if best is None or length[row] > best[0]:
-                best = float(length[row]), interface, float(result[row, 0])
-        if best is not None:
-            found.append(f"largest {quantity} {words(best[0])} of {best[1]} at {best[2]:.4g} s")
+            lengths.append((float(length[row]), interface, float(result[row, 0])))
+        if lengths:
+            size, interface, time = max(lengths, key=lambda one: one[0])
+            found.append(f"largest {quantity} {words(size)} of {interface} at {time:.4g} s")
     return "; ".join([*found, plural(warnings, "warning")])
 
 

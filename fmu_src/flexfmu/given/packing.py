@@ -149,9 +149,7 @@ def pack_file(
         raise BodyFileError(f"no interface: give --interface NAME=SET, which may be repeated; sets of {file}: {there}")
     pairs = (text.partition("=") for text in interfaces)
     named = {name.strip(): (nodes or name).strip() for name, _, nodes in pairs}
-    return pack(
-        given, named, supports, method=method, frames=frames, damping=damping, name=name, report=report
-    )  # fmt: skip
+    return pack(given, named, supports, method=method, frames=frames, damping=damping, name=name, report=report)
 
 
 def _is_modal_file(file: Path) -> bool:

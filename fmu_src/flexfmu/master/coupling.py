@@ -173,8 +173,7 @@ def write_result(path: Path, result: Result) -> None:
         return
     import h5py
 
-    units = zip(result.names, result.units, strict=True)
-    columns = [("time", "s", result.time), *((name, unit, result[name]) for name, unit in units)]
+    columns = zip(("time", *result.names), ("s", *result.units), (result.time, *result.values.T), strict=True)
     with whole_file(path) as part, h5py.File(part, "w") as file:
         for name, unit, values in columns:
             # HDF5 takes a slash for a group.

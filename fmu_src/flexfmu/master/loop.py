@@ -11,7 +11,7 @@ from ..core.library import library
 from ..core.structures import Arrays, structures
 from ..files.basics import FloatArray, SimulationError
 from .config import ExperimentTable, Held, Scheme
-from .layout import Ends, Recorded, Springs, Wiring
+from .layout import Recorded, Springs, Wiring
 from .participants import Participant
 
 _KINDS = structures("joints", "exchange", "participant", "doubts", "coupling")
@@ -204,6 +204,7 @@ def wired(w: Wiring, step: float, arrays: Arrays) -> Any:
     """
     ends, springs, tables, responses = w.ends, w.springs, w.tables, w.responses
     to, source = np.nonzero(w.matrix)
+    number = {name: end for end, name in enumerate(ends.names)}
     alike = ("base", "coupled", "kind", "input_role", "signal_role", "nominal")
     return arrays.filled(
         _KINDS["Wiring"],
@@ -228,7 +229,7 @@ def wired(w: Wiring, step: float, arrays: Arrays) -> Any:
         end_rates=ends.rates,
         end_loads=ends.loads,
         response_role=[r.role for r in responses],
-        response_end=[_end(ends, r.moved) if r.moved == r.loaded else -1 for r in responses],
+        response_end=[number.get(r.moved, -1) if r.moved == r.loaded else -1 for r in responses],
         response_places=[(*r.motion, *r.rates, *r.loads) for r in responses],
     )
 
@@ -262,8 +263,3 @@ def participating(one: Participant, variables: list[tuple[int, Recorded]], array
         marks=one.marks,
         tried=1,
     )
-
-
-def _end(ends: Ends, name: str) -> int:
-    """Number of an end by its name; −1 where no spring holds it."""
-    return ends.names.index(name) if name in ends.names else -1

@@ -1,6 +1,7 @@
 """From the coupling file and what the FMUs say of themselves to a layout, all names, units and types checked."""
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -72,12 +73,10 @@ def end_names(springs: list[SpringTable], descriptions: Described, inputs: Share
                 continue
             key = f"spring {number}, {side}"
             description, interface = layout.split(text, descriptions, key)
-            for quantity in ("displacement", "force"):
-                _check_vector(description, interface, quantity, key)
+            _check_vectors(description, interface, ("displacement", "force"), key)
             turns = _group(description, f"{interface}.rotation") and _group(description, f"{interface}.moment")
             if turns:
-                for quantity in ("rotation", "moment"):
-                    _check_vector(description, interface, quantity, key)
+                _check_vectors(description, interface, ("rotation", "moment"), key)
             elif any(spring.stiffness[3:] + spring.damping[3:]):
                 found = f"{key}: {text} has no rotation and moment ({interface}.rotation.x …, {interface}.moment.x …)"
                 raise SimulationError(f"{found}: set the last three numbers of stiffness and damping to zero")
@@ -92,11 +91,10 @@ def end_names(springs: list[SpringTable], descriptions: Described, inputs: Share
     return tuple(ends)
 
 
-def _check_vector(description: Description, interface: str, quantity: str, key: str) -> None:
-    """Whether the three components of a vector of an interface are there, and are what a spring needs."""
-    wanted = "input" if quantity in _LOADS else "output"
-    expected = QUANTITIES[quantity]
-    for axis in AXES:
+def _check_vectors(description: Description, interface: str, quantities: Sequence[str], key: str) -> None:
+    """Whether the three components of vectors of an interface are there, and are what a spring needs."""
+    for quantity, axis in product(quantities, AXES):
+        wanted, expected = "input" if quantity in _LOADS else "output", QUANTITIES[quantity]
         name = f"{interface}.{quantity}.{axis}"
         variable = description.variable(name, key)
         if variable.causality != wanted or variable.type != "Real":

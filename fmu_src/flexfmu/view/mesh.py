@@ -50,7 +50,6 @@ def model_view(options: BodyOptions, model: Model, report: Reporter) -> View:
     mesh = model.mesh
     count = len(mesh.points)
     numbered = []
-    marks, places = [], []
     with report.stage("Divide into frames"):
         subdomains, names, frame = _frames(options, model, report)
     if subdomains:
@@ -60,12 +59,9 @@ def model_view(options: BodyOptions, model: Model, report: Reporter) -> View:
     sets = [*(interface.nodes for interface in interfaces), held]
     titles = (*(interface.name for interface in interfaces), "supports")
     numbered.append(Region(INTERFACES, titles, set_numbers(count, sets)))
-    for interface in interfaces:
-        marks.append(Mark(MarkKind.INTERFACE, interface.name))
-        places.append(interface.point)
     supports, points, springs = support_places(mesh, options.supports)
-    marks += support_marks(supports, springs)
-    places += [*points]
+    marks = [Mark(MarkKind.INTERFACE, interface.name) for interface in interfaces] + support_marks(supports, springs)
+    places = [*(interface.point for interface in interfaces), *points]
     for name, domain in zip(names, subdomains, strict=True):
         if not domain.floating:
             marks.append(Mark(MarkKind.JOINT, name))

@@ -132,9 +132,7 @@ class View:
 
     def factor(self, case: Case) -> float:
         """The factor on displacements that a case is shown with."""
-        if self.scale > 0.0:
-            return self.scale
-        return shown_factor(float(np.abs(case.places - self.points).max()), self.size)
+        return self.scale or shown_factor(float(np.abs(case.places - self.points).max()), self.size)
 
     def telling(self, case: Case) -> int:
         """The shape of a motion that tells most: the last of a load that grows, else the largest."""
