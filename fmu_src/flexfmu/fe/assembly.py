@@ -145,9 +145,7 @@ def select(faces: tuple[FaceBlock, ...], nodes: IntArray, *, outer: bool) -> tup
     """
     result = []
     for block in faces:
-        member = np.zeros(max(int(block.nodes.max()), int(nodes.max())) + 1, dtype=bool)
-        member[nodes] = True
-        chosen = np.all(member[block.nodes], axis=1)
+        chosen = np.isin(block.nodes, nodes).all(axis=1)
         if outer:
             chosen &= block.outer
         picked = block.nodes[chosen]

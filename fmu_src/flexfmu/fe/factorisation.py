@@ -9,7 +9,7 @@ of the time and of the memory: it knows that the matrix is symmetric, and works 
 import weakref
 from collections.abc import Callable
 from ctypes import CDLL, c_void_p
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -127,8 +127,7 @@ class _Pardiso:
         self._handle = np.zeros(64, dtype=np.intp)
         self._kind = kind
         self.settings = np.zeros(64, dtype=np.int32)
-        for place, value in _SETTINGS.items():
-            self.settings[place] = value
+        self.settings[list(_SETTINGS)] = list(_SETTINGS.values())
 
     def run(self, phase: int, right: FloatArray | None = None) -> FloatArray:
         """Run a phase; return the solution (n, k) for right-hand sides (n, k), where there are any."""
@@ -182,9 +181,7 @@ def _by_pardiso(library: CDLL, matrix: sp.csr_array, checked: bool, owner: objec
             release()
             raise
 
-        def solve(right: FloatArray, solver: _Pardiso = solver) -> FloatArray:
-            return solver.run(_SOLVE, right)
-
+        solve = partial(solver.run, _SOLVE)
         probe = np.ones((matrix.shape[0], 1))
         exact = kind == _SYMMETRIC and solver.settings[_REPLACED] == 0
         if exact or np.linalg.norm(matrix @ solve(probe) - probe) < _PROBE * np.linalg.norm(probe):

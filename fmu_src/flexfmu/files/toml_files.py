@@ -226,9 +226,8 @@ def _reason(
             example = example or (f", such as {key} = {toml_value(single)}" if single else "")
             return shown, "should be a valid list", example
         case "too_short" | "too_long":
-            bound, words = context.get("min_length"), "at least "
-            if kind == "too_long":
-                bound, words = context.get("max_length"), "at most "
+            limit, words = ("min_length", "at least ") if kind == "too_short" else ("max_length", "at most ")
+            bound = context.get(limit)
             if bound in _bounds(field, "min_length") and bound in _bounds(field, "max_length"):
                 words = ""
             there = f"there {'is' if context['actual_length'] == 1 else 'are'} {context['actual_length']}"
@@ -296,8 +295,7 @@ def _places(table: type[BaseModel], title: str) -> Iterator[tuple[str, str]]:
         inner = _inner(field.annotation)
         yield name, f"to {title}" if title else "at the top, above the first table" if inner is None else "at the top"
     for name, field in _fields(table).items():
-        inner = _inner(field.annotation)
-        if inner is not None:
+        if (inner := _inner(field.annotation)) is not None:
             outer = f"{title.strip('[]')}.{name}" if title else name
             several = "list" in str(field.annotation)
             yield from _places(inner, f"[[{outer}]]" if several else f"[{outer}]")

@@ -40,7 +40,7 @@ from ..reduction.bodies import (
 from ..reduction.model import Model
 from ..reduction.options import BodyOptions, node_set
 from ..reduction.rigid_fit import by_node
-from ..reduction.subdomains import Subdomain, fitted_rotation, frame_operators, requested_subdomains
+from ..reduction.subdomains import Subdomain, fitted_rotation, frame_operators, on_floating_frame, requested_subdomains
 from ..reduction.surface import body_surface
 from .linear import SUFFIX as SID, read_sid
 from .modes import GivenModes, checked_modes, read_given
@@ -291,8 +291,7 @@ def _frames(given: GivenModes, options: BodyOptions, model: Model, rows: IntArra
         raise BodyFileError(f"{fault}; give the cells, or node sets of the frames ([[frame]] tables), or frames = 1")
     if options.frames:
         held, asked = np.flatnonzero(model.fixed.any(axis=1)), frame_requests(options, model.mesh)
-        wanted = requested_subdomains(model.mesh, held, asked)
-        return floating + [replace(domain, parent=domain.parent + len(floating)) for domain in wanted]
+        return floating + on_floating_frame(requested_subdomains(model.mesh, held, asked), len(floating))
     if floating or options.levels == 0:
         return floating
     joint = by_node(np.flatnonzero(model.fixed.any(axis=1)))

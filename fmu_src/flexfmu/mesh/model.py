@@ -161,8 +161,7 @@ class PointMass:
 def masses_note(masses: Sequence[PointMass], where: str) -> list[str]:
     """A line on the masses that a file gives to nodes or points; none without them."""
     total = sum(one.mass for one in masses)
-    names = listed(one.name for one in masses)
-    return [f"masses at {len(masses)} {where}: {names}; {total:.5g} kg"] if masses else []
+    return [f"masses at {len(masses)} {where}: {listed(one.name for one in masses)}; {total:.5g} kg"] if masses else []
 
 
 # Distance of two ends across a pull, over where they are, that is round-off of coordinates.

@@ -428,6 +428,11 @@ class ReducedBody:
         """Number of interfaces I."""
         return len(self.interface_names)
 
+    @property
+    def extent(self) -> float:
+        """Largest side of the box about interfaces and joints, m; one where all are in one place."""
+        return float(np.ptp(np.concatenate([self.interface_point, self.joint_point]), axis=0).max()) or 1.0
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Shadow:

@@ -129,8 +129,7 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     if not names:
         return body
     _check_names(body, names, method)
-    rows = _motions(body, names)
-    turn, squares = _remaining_modes(rows, body.angular_frequency)
+    turn, squares = _remaining_modes(_motions(body, names), body.angular_frequency)
     # Each ratio by its share of the strain energy: one ratio for all modes stays what it is.
     share = turn**2 * body.angular_frequency[:, None] ** 2 / squares
     gone, found = int(body.floating), turned_parts(body, turn)

@@ -225,11 +225,9 @@ def _description(body: ReducedBody, row: Row, choices: Sequence[str], words: Wor
 
 def _nominal_values(body: ReducedBody) -> dict[str, float]:
     """Orders of magnitude: a hundredth of the body's size, of a radian, and what brings them about."""
-    points = np.concatenate([body.interface_point, body.joint_point])
-    size = float(np.max(np.ptp(points, axis=0))) or 1.0
     elastic = slice(body.rigid_count, None)
     frequency = body.angular_frequency[elastic]
-    displacement, rotation = 1e-2 * size, 1e-2
+    displacement, rotation = 1e-2 * body.extent, 1e-2
     compliance = [
         float(np.max(np.sum((operator[..., elastic] / frequency) ** 2, axis=2), initial=0.0))
         for operator in (body.interface_displacement, body.interface_rotation)

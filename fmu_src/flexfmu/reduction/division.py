@@ -361,9 +361,7 @@ def _open_loops(mesh: Mesh, subdomains: Sequence[Subdomain], shared: FloatArray)
         first, second = subdomains[p], subdomains[q]
         if first.parent == q or second.parent == p:
             continue
-        common = np.intersect1d(first.body.nodes, second.body.nodes)
-        where = "where equations or rigid links join them"
-        if common.size:
-            where = f"at {point(mesh.points[common].mean(axis=0))} m"
+        common = mesh.points[np.intersect1d(first.body.nodes, second.body.nodes)]
+        where = f"at {point(common.mean(axis=0))} m" if len(common) else "where equations or rigid links join them"
         found.append(f"closed loop cut between frames {first.name} and {second.name} {where}")
     return tuple(found)

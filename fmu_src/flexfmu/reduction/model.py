@@ -58,8 +58,7 @@ def completed(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, tuple[str, ...]]:
     for table in (one for one in config.materials if one.name is not None):
         mesh, place = _place(mesh, materials, str(table.name))
         given = [key for key in KEYS if getattr(table, key) is not None]
-        told = [key for key in given if not np.isnan(getattr(materials[place], key))]
-        if told:
+        if told := [key for key in given if not np.isnan(getattr(materials[place], key))]:
             notes.append(f"[material]: {', '.join(told)} of {materials[place].name!r} instead of the mesh file's")
         materials[place] = _with(materials[place], table, given, units)
     rest = _unnamed(config.materials)
@@ -367,8 +366,7 @@ def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, hel
     count = len(mesh.points)
     piece = _rigidly_joined(mesh, connected_parts(replace(mesh, equations=None)))[nodes]
     piece = np.unique(piece, return_inverse=True)[1]
-    free = np.zeros((count, 3), dtype=bool)
-    whole = free_motions(mesh.points[nodes], free[nodes])
+    whole = free_motions(mesh.points[nodes], np.zeros((nodes.size, 3), dtype=bool))
     # A column for each motion of each piece, in the same units all over.
     blocks = np.zeros((count, 3, 6 * (int(piece.max()) + 1)))
     column = 6 * piece[:, None, None] + np.arange(6)

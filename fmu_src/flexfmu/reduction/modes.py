@@ -293,9 +293,8 @@ def _checked(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray, omega: Float
     error = float(errors[worst])
     if error <= _FREQUENCY_LIMIT:
         return error
-    words = "the iteration has not settled: ask for fewer modes"
-    if unsettled[worst] <= 0.5 * error:
-        words = _ILL_CONDITIONED
+    settled = unsettled[worst] <= 0.5 * error
+    words = _ILL_CONDITIONED if settled else "the iteration has not settled: ask for fewer modes"
     raise AccuracyError(
         f"modes are not good enough: the frequency of mode {worst + 1} ({omega[worst] / (2.0 * math.pi):.4g} Hz) is "
         f"off by about {100.0 * error:.2g} % (limit {100.0 * _FREQUENCY_LIMIT:.2g} %); {words}"

@@ -409,7 +409,7 @@ def _at(mesh: Mesh, place: Place, key: str) -> BoolArray:
     miss = _MISS * size if place.tolerance is None else place.tolerance
     chosen = np.ones(len(points), dtype=bool)
     if place.set is not None:
-        chosen &= _member(points, named_set(mesh.node_sets, "node", place.set, key))
+        chosen &= np.isin(np.arange(len(points)), named_set(mesh.node_sets, "node", place.set, key))
     if place.numbers is not None:
         unknown = np.setdiff1d(place.numbers, mesh.labels)
         if unknown.size:
@@ -428,7 +428,7 @@ def _at(mesh: Mesh, place: Place, key: str) -> BoolArray:
         away = np.linalg.norm(points - start - np.outer(along / length, end - start), axis=1)
         chosen &= (np.abs(away - place.radius) <= miss) & (along >= -miss) & (along <= length + miss)
     if place.patch is not None and place.radius is not None:
-        chosen &= _member(points, _surface(mesh, key))
+        chosen &= np.isin(np.arange(len(points)), _surface(mesh, key))
         chosen &= np.linalg.norm(points - place.patch, axis=1) <= place.radius + miss
     if place.nearest is not None:
         away = np.where(chosen, np.linalg.norm(points - place.nearest, axis=1), np.inf)
@@ -436,12 +436,6 @@ def _at(mesh: Mesh, place: Place, key: str) -> BoolArray:
         # Farther off the body it is hardly meant: in other units, or of another body.
         chosen &= (np.arange(len(points)) == np.argmin(away)) & (off <= size)
     return chosen
-
-
-def _member(points: FloatArray, rows: IntArray) -> BoolArray:
-    member = np.zeros(len(points), dtype=bool)
-    member[rows] = True
-    return member
 
 
 def _surface(mesh: Mesh, key: str) -> IntArray:

@@ -224,9 +224,7 @@ def section(mesh: Mesh, nodes: IntArray) -> Weighted:
 
 def elements_within(mesh: Mesh, nodes: IntArray) -> IntArray:
     """Elements (k,) all of whose nodes are among `nodes`, counted over all blocks."""
-    member = np.zeros(len(mesh.points), dtype=bool)
-    member[nodes] = True
-    parts = [np.all(member[block.connectivity], axis=1) for block in mesh.blocks]
+    parts = [np.isin(block.connectivity, nodes).all(axis=1) for block in mesh.blocks]
     return np.flatnonzero(np.concatenate([np.zeros(0, dtype=bool), *parts]))
 
 
@@ -375,8 +373,7 @@ def frame_operators(points: FloatArray, shapes: FloatArray, subdomains: Sequence
     BodyFileError
         A sub-domain whose nodes lie on a line, so that its rotation cannot be told.
     """
-    modes = shapes.shape[1]
-    displacement, rotation, averaged = (np.zeros((len(subdomains), 3, modes)) for _ in range(3))
+    displacement, rotation, averaged = (np.zeros((len(subdomains), 3, shapes.shape[1])) for _ in range(3))
     for s, domain in enumerate(subdomains):
         averaged[s] = domain.rotation.of(shapes)
         if domain.rotation.rank < 3:

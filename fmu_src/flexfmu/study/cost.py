@@ -109,10 +109,8 @@ def step_costs(body: ReducedBody, report: Reporter) -> dict[Variant, StepCost]:
 
 def _measuring_loads(body: ReducedBody) -> Loads:
     """Equal forces on all interfaces that move the farthest of them by a small share of the body's size."""
-    points = np.concatenate([body.interface_point, body.joint_point])
-    size = float(np.max(np.ptp(points, axis=0))) or 1.0
     force = np.ones((body.interface_count, 3))
     linear = FlexibleBody(body, Method.LINEAR)
     unit = Loads(force, np.zeros_like(force))
     moved = float(np.max(np.linalg.norm(linear.response(linear.static(unit)).displacement, axis=1)))
-    return unit.scaled(_BENT * size / moved) if moved > 0.0 else unit
+    return unit.scaled(_BENT * body.extent / moved) if moved > 0.0 else unit

@@ -402,8 +402,7 @@ class DeckMaterials:
                 raise section.line.error(f"the orientations of the layers should {expected}")
             angles = [float(np.arctan2(one[0, 1, 0], one[0, 0, 0])) for one in turns]
         heights = [layer.thickness for layer in section.layers]
-        every = list(zip(heights, angles, materials, strict=True))
-        return laminate(section.material, every, by_normal=not named)
+        return laminate(section.material, list(zip(heights, angles, materials, strict=True)), by_normal=not named)
 
     def _material(self, section: Section) -> Material:
         card = self.cards.get(section.material.upper())

@@ -110,8 +110,7 @@ def cut_at(config: BodyOptions, model: Model, found: Sequence[LoopSection]) -> t
         name = f"loop {k}"
         sets[name] = one.nodes
         names.append(name)
-        size = f"{one.nodes.size} nodes, {one.width:.3g} m"
-        notes.append(f'cut = "auto": cut {k} at {point(one.place)} m, {size}')
+        notes.append(f'cut = "auto": cut {k} at {point(one.place)} m, {one.nodes.size} nodes, {one.width:.3g} m')
     if not found:
         notes.append('cut = "auto": no loop that a slender section opens; the body stays in one piece')
     opened = replace(model, mesh=replace(mesh, node_sets=sets))
@@ -239,11 +238,9 @@ def _on_its_side(before: Mesh, after: Mesh, members: IntArray, copy: IntArray) -
     doubled = members[copy[members] != members]
     if not doubled.size:
         return members
-    member = np.zeros(len(before.points), dtype=bool)
-    member[members] = True
     used = np.zeros(len(after.points), dtype=bool)
     for old, new in zip(before.blocks, after.blocks, strict=True):
-        used[new.connectivity[np.all(member[old.connectivity], axis=1)]] = True
+        used[new.connectivity[np.isin(old.connectivity, members).all(axis=1)]] = True
     either = used[doubled] | used[copy[doubled]]
     single = members[copy[members] == members]
     kept = [single, doubled[used[doubled] | ~either], copy[doubled][used[copy[doubled]] | ~either]]
