@@ -16,7 +16,7 @@ from flexfmu.program.mechanics import against_error
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.cut.loops import element_contacts, inner_sections
 from flexfmu.study.smallest import own_error
-from meshes import bars, body_file, box, with_sets
+from meshes import bars, body_file, box, grid, lattice, with_sets
 
 SIDE = 0.01
 # Cells of a stem, and of a rectangle on it with or without posts.
@@ -89,6 +89,17 @@ class Notes(Reporter):
         self.notes.append(text)
 
 
+def moved_by(config, full, shares):
+    """Shares of a force on a body's interface, as loads, and where the finite element model goes under them."""
+    read = read_body_model(config, Reporter())
+    model, table = read.model, read.options.interfaces[0]
+    fit = fit_interface(table, model.mesh, ())
+    nodal = fit.nodal_loads(len(model.mesh.points))[:, :3] @ np.array(full)
+    path = load_path(model.mesh, model.unknowns, model.spring, nodal, shares, Reporter())
+    moved = [fit.operator[:3] @ field.reshape(-1, 3)[fit.nodes].ravel() for field in path.displacement]
+    return [({table.name: [share * one for one in full]}, to) for share, to in zip(shares, moved, strict=True)]
+
+
 @pytest.fixture(scope="module")
 def omega(tmp_path_factory):
     """Body file, by keys of it, of a frame in the shape of an omega; loads that push it aside, and how it moves."""
@@ -99,13 +110,7 @@ def omega(tmp_path_factory):
     def file(**keys):
         return body_file(mesh, tmp_path_factory.mktemp("omega"), interface=["TIP"], **keys)
 
-    read = read_body_model(file(), Reporter())
-    model, fit = read.model, fit_interface(read.options.interfaces[0], read.model.mesh, ())
-    full = np.array([1e4, 0.0, 0.0])
-    nodal = fit.nodal_loads(len(model.mesh.points))[:, :3] @ full
-    path = load_path(model.mesh, model.unknowns, model.spring, nodal, [0.5, 1.0], Reporter())
-    moved = [fit.operator[:3] @ field.reshape(-1, 3)[fit.nodes].ravel() for field in path.displacement]
-    return file, [({"tip": (share * full).tolist()}, one) for share, one in zip((0.5, 1.0), moved, strict=True)]
+    return file, moved_by(file(), [1e4, 0.0, 0.0], [0.5, 1.0])
 
 
 @pytest.mark.slow
@@ -137,6 +142,33 @@ def test_a_loop_that_is_wrong_in_one_piece_is_cut_with_as_many_frames_as_it_take
     assert told.count("% cut into") == 2
     assert "it is cut" in told
     assert not any("frames turn apart" in text for text in notes.notes)
+
+
+@pytest.mark.slow
+def test_a_leaf_on_a_shackle_is_cut_by_loads_that_its_shadow_bears(tmp_path):
+    """Pulled back 2.2 % off in one piece, which bears 64 kN on its pad; shadow and leaf snap long before."""
+
+    def bow(x):
+        return 0.05 * np.sin(np.pi * np.minimum(x, 0.58) / 0.6)
+
+    def place(p):
+        x = np.interp(p[:, 0], [0, 9, 11, 19, 21], [0.0, 0.27, 0.33, 0.58, 0.6])
+        y = np.interp(p[:, 1], [0, 1, 3, 5, 9, 11, 12], [-0.01, 0.0, 0.005, 0.011, 0.065, 0.071, 0.085]) - bow(x)
+        ways = np.clip((p[:, 1:2] - [3.0, 9.0]) / 2.0, 0.0, 1.0)
+        thin = np.where((p[:, 0] >= 19) & (p[:, 1] > 3), 1.0 - 0.85 * np.sin(np.pi * ways).max(axis=1), 1.0)
+        return np.column_stack([0.59 + thin * (x - 0.59), y, 0.02 * (p[:, 2] - 1.0)]).round(9)
+
+    link, pad = grid(2, 9, 2) + np.array([19, 3, 0]), grid(2, 1, 2) + np.array([9, 0, 0])
+    cells = np.concatenate([grid(21, 2, 2) + np.array([0, 1, 0]), link, pad])
+    mesh = lattice(ElementType.C3D20R, cells, place)
+    top = mesh.points[:, 1].max()
+    under = {"PAD": lambda p: np.where(np.abs(p[:, 0] - 0.3) < 0.0301, (p[:, 1] + 0.01 + bow(p[:, 0])).round(8), 1.0)}
+    mesh = with_sets(mesh, ROOT=lambda p: p[:, 0] * (p[:, 1] - top), **under)
+    config = body_file(mesh, tmp_path, interface=["PAD"])
+    body = FlexibleBody(reduce_body(config, Reporter()))
+    assert body.model.ties is not None
+    ((loads, truth),) = moved_by(config, [1260.0, 2016.0, 0.0], [1.0])
+    assert np.linalg.norm(body.response(body.static(loads)).displacement[0] - truth) < 2e-3 * np.linalg.norm(truth)
 
 
 @pytest.mark.slow

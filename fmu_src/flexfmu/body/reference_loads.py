@@ -26,13 +26,15 @@ _NEAR, _ALIKE = 0.25, 0.01
 _SLIGHT = 5e-3
 
 
-def reference_loads(model: FlexibleBody) -> Iterator[tuple[str, str, FloatArray]]:
+def reference_loads(model: FlexibleBody, *others: FlexibleBody) -> Iterator[tuple[str, str, FloatArray]]:
     """Forces on each interface across the directions in which it is stiff, as far as the body bears them.
 
     Parameters
     ----------
     model : FlexibleBody
         Held, with its properties.
+    *others : FlexibleBody
+        That bear them, too.
 
     Yields
     ------
@@ -55,10 +57,14 @@ def reference_loads(model: FlexibleBody) -> Iterator[tuple[str, str, FloatArray]
             force = min(_MOVE * size / softness[number], _TURN / max(float(np.linalg.norm(turns @ way)), 1e-300)) * way
             for _ in range(_HALVES):
                 try:
-                    model.static({name: force.tolist()})
+                    for one in (model, *others):
+                        one.static({name: force.tolist()})
                     break
                 except EquilibriumError:
                     force = 0.5 * force
+            else:
+                if others:
+                    continue
             yield f"{name}_{3 - number}", name, force
 
 
@@ -91,13 +97,21 @@ def differs_more(body: ReducedBody, shadow: Shadow) -> bool:
     return bool(other > max(own, default=_SLIGHT) and other > _SLIGHT)
 
 
-def apart(body: ReducedBody, *shadows: Shadow | None) -> FloatArray:
-    """Largest shares of its deflection by which reference loads that all bear part a body from shadows."""
-    model = FlexibleBody(body)
-    every = [model, *(FlexibleBody(one.body, Method.SECOND_ORDER) for one in shadows if one is not None)]
+def apart(body: ReducedBody, *shadows: Shadow | None, first: ReducedBody | None = None) -> FloatArray:
+    """Largest shares of its deflection by which reference loads that all bear part a body from shadows.
+
+    Those of the first, if there is one, that it bears with its shadow: who does not is all off.
+    """
+    every = _with(body, *shadows)
     off = np.zeros(len(every) - 1)
-    for _, name, force in reference_loads(model):
-        with suppress(EquilibriumError):
+    for _, name, force in reference_loads(*(every[:1] if first is None else _with(first, first.shadow))):
+        try:
             own, *rest = (one.response(one.static({name: force.tolist()})).displacement for one in every)
             off = np.maximum(off, [np.linalg.norm(own - one) / np.linalg.norm(own) for one in rest])
+        except EquilibriumError:
+            off = np.maximum(off, float(first is not None))
     return off
+
+
+def _with(body: ReducedBody, *shadows: Shadow | None) -> list[FlexibleBody]:
+    return [FlexibleBody(body), *(FlexibleBody(one.body, Method.SECOND_ORDER) for one in shadows if one is not None)]

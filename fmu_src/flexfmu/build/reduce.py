@@ -206,12 +206,11 @@ def _cut_if_wrong(
 
     What the draft holds is said of the one that is taken.
     """
-    off = float(max(apart(body, body.shadow))) if others else 0.0
+    off = float(max(apart(body, body.shadow, first=body))) if others else 0.0
     taken, least, words = body, _CLEARLY * off, f"{100.0 * off:.2g} % in one piece"
     for options, model in others if off > _WRONG else ():
-        again = Tentative(report)
-        found, _ = _reduced(use, options, model, again, store)
-        left = float(max(apart(found, found.shadow)))
+        found, _ = _reduced(use, options, model, again := Tentative(report), store)
+        left = float(max(apart(found, found.shadow, first=body)))
         words += f", {100.0 * left:.2g} % cut into {plural(found.frame_count, 'frame')}"
         if left < least:
             draft.release(holds=False)
