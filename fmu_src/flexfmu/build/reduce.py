@@ -112,8 +112,9 @@ _DRIFTING = (
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
 _FAR_BENT = 'loads may pass the range of its mass polynomial: reduced again with lumps, unless mass = "polynomial"'
-# Own error at reference loads from which on a body is tried with its loops cut, and what that has to leave of it.
-_WRONG, _CLEARLY = 0.01, 0.2
+# Own error at reference loads from which on a body is tried with its loops cut; what that has to leave of it, and where
+# it leaves less than that.
+_WRONG, _CLEARLY, _BETTER = 0.01, 0.2, 0.75
 _COARSE = "lumps on its frames are too coarse: it keeps the polynomial and refuses steps past it; take more frames"
 
 
@@ -207,7 +208,7 @@ def _cut_if_wrong(
     What the draft holds is said of the one that is taken.
     """
     off = float(max(apart(body, body.shadow, first=body))) if others else 0.0
-    taken, least, words = body, _CLEARLY * off, f"{100.0 * off:.2g} % in one piece"
+    taken, least, words = body, max(_CLEARLY * off, min(_WRONG, _BETTER * off)), f"{100.0 * off:.2g} % in one piece"
     for options, model in others if off > _WRONG else ():
         found, _ = _reduced(use, options, model, again := Tentative(report), store)
         left = float(max(apart(found, found.shadow, first=body)))
