@@ -1,7 +1,5 @@
 """Results of expensive stages kept from build to build, by content."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +11,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import InterfaceTable, SupportTable
 from flexfmu.files import store as digests
 from flexfmu.files.outputs import Reporter
-from flexfmu.files.store import Store, code_digest, content_key, default_folder, imported_modules
+from flexfmu.files.store import Store, code_digest, content_key, default_folder
 from flexfmu.model.modal_file import write_modal_file
 from flexfmu.reduction.basis import Matrices
 from flexfmu.reduction.options import Basis
@@ -174,18 +172,6 @@ def test_an_entry_that_is_damaged_or_of_something_else_is_made_anew_with_a_warni
     assert build(store)[1] == ["normal modes"]
 
 
-def forget():
-    """Read files and versions anew."""
-    for known in (digests._read, digests._installed, digests._versions):
-        known.cache_clear()
-
-
-def read_anew(module):
-    """The digest of a module's code as its files are now."""
-    forget()
-    return code_digest.__wrapped__(f"flexfmu.{module}")
-
-
 @pytest.fixture
 def _forgotten():
     """What was read of files that a test changes is not known to the next one."""
@@ -193,100 +179,24 @@ def _forgotten():
     forget()
 
 
-@pytest.mark.slow
+def forget():
+    """Read files and versions anew."""
+    for known in (code_digest, digests._versions):
+        known.cache_clear()
+
+
 @pytest.mark.usefixtures("_forgotten")
-def test_other_code_or_libraries_take_nothing(store, monkeypatch):
+@pytest.mark.parametrize("change", ["modes.py", "step_tied.c", "steps.h", "fields.def", "library"])
+def test_other_code_or_libraries_take_nothing(change, store, monkeypatch):
     build(store)
     assert build(store)[1] == ["normal modes"]
-    known, slave = read_anew("reduction.basis"), read_anew("fmu.python_slave")
     plain = Path.read_bytes
-    for change in ("mode solver", "library"):
-        with monkeypatch.context() as patch:
-            if change == "library":
-                patch.setattr("importlib.metadata.version", lambda _: "0.0")
-            else:
-                patch.setattr(Path, "read_bytes", lambda p: plain(p) + b"\nANOTHER = 1" * (p.name == "modes.py"))
-            # The slave does not make modes.
-            assert change == "library" or read_anew("fmu.python_slave") == slave
-            assert read_anew("reduction.basis") != known, change
-            patch.setattr("flexfmu.files.store.code_digest", code_digest.__wrapped__)
-            assert build(store)[1] == [], change
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "module",
-    [
-        "build.reduce",
-        *(
-            pytest.param(name, marks=pytest.mark.slow)
-            for name in ("reduction.basis", "study.scene.reference", "study.chart.sweep", "study.stability")
-        ),
-    ],
-)
-def test_the_code_of_a_result_is_all_that_its_module_loads(module):
-    words = "import sys, flexfmu; before = set(sys.modules); import flexfmu.{0}\n"
-    words += "print(*(name for name in set(sys.modules) - before if name.startswith('flexfmu.')))"
-    done = subprocess.run([sys.executable, "-c", words.format(module)], capture_output=True, text=True, check=True)
-    packages = {name for name in done.stdout.split() if (SOURCES / Path(*name.split(".")) / "__init__.py").is_file()}
-    loaded = set(done.stdout.split()) - packages
-    assert f"flexfmu.{module}" in loaded
-    assert loaded <= imported_modules(f"flexfmu.{module}")
-
-
-@pytest.mark.usefixtures("_forgotten")
-@pytest.mark.parametrize(
-    ("file", "before", "after", "counts"),
-    [
-        ("modes.py", "import numpy", "# A comment.\nimport numpy", False),
-        ("modes.py", '"""', '"""Another sentence. ', False),
-        ("modes.py", "raise ModelError(", 'raise ModelError("Another message." + ', False),
-        ("outputs.py", "class Reporter", "x = 1\n\nclass Reporter", False),
-        ("modes.py", "0.5 *", "0.6 *", True),
-        ("shapes.py", "(155.0 - root)", "(155.0 + root)", True),
-    ],
-)
-def test_kept_results_hang_on_what_computes_and_on_no_sentence(file, before, after, counts, monkeypatch):
-    known = code_digest("flexfmu.reduction.basis")
-    plain, changed = Path.read_bytes, []
-
-    def read(path):
-        text = plain(path)
-        if path.name != file:
-            return text
-        changed.append(text.replace(before.encode(), after.encode()) != text)
-        return text.replace(before.encode(), after.encode(), 1)
-
-    monkeypatch.setattr(Path, "read_bytes", read)
-    found = read_anew("reduction.basis")
-    assert True in changed
-    assert (found != known) == counts
-
-
-@pytest.mark.usefixtures("_forgotten")
-def test_the_hash_of_code_is_kept_until_a_file_changes(tmp_path, monkeypatch):
-    monkeypatch.setenv("FLEXFMU_CACHE", str(tmp_path))
-    known = code_digest.__wrapped__("flexfmu.files.basics")
-    found, plain = [], Path.read_bytes
-    monkeypatch.setattr(digests, "_found_digest", lambda module: found.append(module) or "another")
-    assert code_digest.__wrapped__("flexfmu.files.basics") == known
-    assert found == []
-    monkeypatch.setattr(Path, "read_bytes", lambda path: plain(path) + b"\n" * (path.name == "basics.py"))
+    if change == "library":
+        monkeypatch.setattr("importlib.metadata.version", lambda _: "0.0")
+    else:
+        monkeypatch.setattr(Path, "read_bytes", lambda p: plain(p) + b"\nANOTHER = 1" * (p.name == change))
     forget()
-    assert code_digest.__wrapped__("flexfmu.files.basics") == "another"
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("_forgotten")
-@pytest.mark.parametrize("file", ["step_tied.c", "steps.h", "fields.def"])
-def test_the_core_is_part_of_the_code_of_what_it_steps_and_of_no_other(file, monkeypatch):
-    """Errors of a sweep hang on every line of C; modes do not."""
-    swept, modes = (code_digest(f"flexfmu.{name}") for name in ("study.chart.sweep", "reduction.basis"))
-    plain = Path.read_bytes
-    monkeypatch.setattr(Path, "read_bytes", lambda path: plain(path) + b" " * (path.name == file))
-    forget()
-    assert code_digest.__wrapped__("flexfmu.study.chart.sweep") != swept
-    assert code_digest.__wrapped__("flexfmu.reduction.basis") == modes
+    assert build(store)[1] == []
 
 
 def test_a_folder_that_cannot_be_written_is_no_reason_to_fail(tmp_path):

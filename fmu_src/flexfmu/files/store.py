@@ -1,17 +1,15 @@
 """Results of expensive stages, kept on disk by what they were made from, so that no build does them twice.
 
-Results that are kept on disk are known by it. A version number would not do: it stays the same from change to change.
-What computes nothing does not count: the room of files, comments, docstrings, and what errors say.
+A version number would not do: it stays the same from change to change.
 """
 
-import ast
 import hashlib
 import math
 import os
 import sys
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -22,127 +20,17 @@ import numpy as np
 from .basics import FloatArray
 from .outputs import Reporter, whole_file
 
-_PACKAGE = __name__.partition(".")[0]
-_CORE, _COMPILED = f"{_PACKAGE}.core.library", (".c", ".h", ".def")
+_PACKAGE, _CODE = __name__.partition(".")[0], (".py", ".c", ".h", ".def")
 _ROOT = Path(__file__).parents[2]
-# Progress, files: no result hangs on them, but for the factors of units.
-_ROOM = __name__.rpartition(".")[0]
-_UNITS = f"{_ROOM}.basics"
-# What may begin with a docstring.
-_SAID = ast.Module | ast.ClassDef | ast.FunctionDef
 # Another version of these may give other numbers; the last two need not be there.
 _LIBRARIES = ("numpy", "scipy", "pymetis", "pypardiso", "mkl")
 
 
 @cache
-def code_digest(module: str) -> str:
-    """Hash of the code of a module; kept, since it takes a second or two to find.
-
-    Parameters
-    ----------
-    module : str
-        Full name, such as `__name__`.
-
-    Returns
-    -------
-    str
-        12 hexadecimal digits.
-    """
-    key = _hash(module, sys.version, _installed())
-    found = Store(default_folder()).arrays(key, "Hash", Reporter(), lambda: {"hash": np.array(_found_digest(module))})
-    return str(found["hash"])
-
-
-@cache
-def _installed() -> str:
-    """Hash of all files of this package that hold code, and the versions of the libraries."""
-    files = [path for path in sorted((_ROOT / _PACKAGE).rglob("*")) if path.suffix in (".py", *_COMPILED)]
-    return _hash([(path.name, hashlib.sha256(path.read_bytes()).digest()) for path in files], _versions())
-
-
-def _found_digest(module: str) -> str:
-    digest = hashlib.sha256()
-    for name in sorted(imported_modules(module)):
-        if name == _UNITS or not name.startswith(f"{_ROOM}."):
-            digest.update(f"{name}\0{_read(name)[0]}\0".encode())
-        # What is compiled belongs to the module that calls it.
-        for path in sorted(_source(name).parent.iterdir()) if name == _CORE else ():
-            if path.suffix in _COMPILED:
-                digest.update(f"{path.name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
-    digest.update(repr(_versions()).encode())
-    return digest.hexdigest()[:12]
-
-
-def imported_modules(module: str) -> set[str]:
-    """Modules of this package on which a module depends, itself among them; the package's own face left out.
-
-    Parameters
-    ----------
-    module : str
-        Full name.
-
-    Returns
-    -------
-    set of str
-    """
-    found: set[str] = set()
-    left = [module]
-    while left:
-        name = left.pop()
-        if name not in found and name != _PACKAGE:
-            found.add(name)
-            left += _read(name)[1]
-    return found
-
-
-@cache
-def _read(module: str) -> tuple[str, tuple[str, ...]]:
-    """Hash of what a module computes, and the modules of this package that it imports, wherever in its text."""
-    path = _source(module)
-    package = module if path.stem == "__init__" else module.rpartition(".")[0]
-    tree = ast.parse(path.read_bytes())
-    imports: list[str] = []
-    for node in list(_statements(tree)):
-        imports += _named(node, package)
-        if isinstance(node, ast.Raise):
-            node.exc = node.cause = None
-        elif isinstance(node, _SAID) and ast.get_docstring(node, clean=False) is not None:
-            node.body = node.body[1:]
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), tuple(imports)
-
-
-def _statements(node: ast.AST) -> Iterator[ast.AST]:
-    """A statement and those within it: expressions, which are most of a tree, neither import nor raise."""
-    yield node
-    for block in ("body", "orelse", "finalbody", "handlers", "cases"):
-        for inner in getattr(node, block, ()):
-            yield from _statements(inner)
-
-
-def _named(node: ast.AST, package: str) -> Iterator[str]:
-    """Modules of this package that a statement in a module of a package names."""
-    if isinstance(node, ast.Import):
-        yield from (alias.name for alias in node.names if alias.name.partition(".")[0] == _PACKAGE)
-    elif isinstance(node, ast.ImportFrom):
-        above = package.split(".")[: len(package.split(".")) + 1 - node.level] if node.level else []
-        base = ".".join([*above, *([node.module] if node.module else [])])
-        if base.partition(".")[0] == _PACKAGE:
-            for alias in node.names:
-                inner = f"{base}.{alias.name}"
-                yield inner if _find(inner) is not None else base
-
-
-@cache
-def _find(module: str) -> Path | None:
-    path = _ROOT.joinpath(*module.split("."))
-    return next((p for p in (path / "__init__.py", path.with_suffix(".py")) if p.is_file()), None)
-
-
-def _source(module: str) -> Path:
-    path = _find(module)
-    if path is None:
-        raise ValueError(f"no source of {module} below {_ROOT}: expected a module of {_PACKAGE}")
-    return path
+def code_digest() -> str:
+    """Hash of all files of this package that hold code, and the versions of the libraries: 12 hexadecimal digits."""
+    files = [path for path in sorted((_ROOT / _PACKAGE).rglob("*")) if path.suffix in _CODE]
+    return _hash([(path.name, hashlib.sha256(path.read_bytes()).digest()) for path in files], _versions())[:12]
 
 
 @cache
@@ -174,14 +62,14 @@ def content_key(made_by: str, *parts: object) -> str:
     Parameters
     ----------
     made_by : str
-        Module that makes it, `__name__`; what it imports counts too.
+        Module that makes it, `__name__`.
     *parts : arrays, or anything whose representation says what it is
 
     Returns
     -------
     str
     """
-    return _hash(code_digest(made_by), *parts)
+    return _hash(code_digest(), made_by, *parts)
 
 
 def _hash(*parts: object) -> str:

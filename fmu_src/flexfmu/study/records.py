@@ -46,12 +46,9 @@ class Layout(Generic[R]):
     ----------
     kind : type
         Dataclass of texts, whole numbers and floats; its first field tells what a record is of.
-    made_by : str
-        Module that makes the records.
     """
 
     kind: type[R]
-    made_by: str
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -132,7 +129,7 @@ class RecordFile(Generic[R]):
     """
 
     def __init__(self, layout: Layout[R], path: Path, owner: str):
-        self._layout, self._path, self._code = layout, path, code_digest(layout.made_by)
+        self._layout, self._path, self._code = layout, path, code_digest()
         kept = layout.read_with_code(path) if path.exists() else []
         self.rows = [record for record, _ in kept]
         self._known = {record.key for record in self.rows}
@@ -318,7 +315,7 @@ transient_rotation_rad, transient_at, share, limited_by
         return plain.count(False) + 0.01 * self.mode_count
 
 
-RECORDS = Layout(Record, made_by=f"{__package__}.chart.sweep")
+RECORDS = Layout(Record)
 
 
 class Verdict(Enum):
@@ -400,4 +397,4 @@ def verdict(error: float, warned: bool, refused: bool, tolerance: float) -> Verd
     return Verdict.RIGHT if error <= tolerance else Verdict.SILENT
 
 
-RUNS = Layout(Run, made_by=f"{__package__}.stability")
+RUNS = Layout(Run)
