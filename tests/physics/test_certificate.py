@@ -177,15 +177,58 @@ def coned_ring():
     return Body(mesh, supports=["RIM"], interfaces={"finger": "FINGER"}, name="coned_ring")
 
 
-def test_membrane_energy_of_a_cone_knows_how_little_it_knows():
-    """No shadow has another: its estimate is a hundredth of what is missed."""
-    body, loads = coned_ring(), {"finger": (0.0, 0.0, -1000.0)}
+def dome():
+    """A shallow one on its corners: shapes of second order stay coordinates."""
+
+    def place(p):
+        x, y = 0.2 * (p[:, 0] / 8.0 - 0.5), 0.2 * (p[:, 1] / 8.0 - 0.5)
+        return np.column_stack([x, y, 0.008 * p[:, 2] - 1.5 * (x**2 + y**2)])
+
+    mesh = with_sets(
+        lattice(ElementType.C3D20, grid(8, 8, 1), place),
+        FEET=lambda p: np.maximum(0.0, 0.074 - np.abs(p[:, :2]).min(axis=1)),
+        TOP=lambda p: np.maximum(0.0, np.abs(p[:, :2]).max(axis=1) - 0.026),
+    )
+    return Body(mesh, supports=["FEET"], interfaces={"top": "TOP"}, name="dome")
+
+
+def gutter():
+    """Half a thin tube, clamped at one end."""
+    mesh = box(ElementType.C3D20, (8, 4, 1), (0.5, np.pi, 0.0012))
+    x, angle, out = mesh.points.T
+    reach = 0.0294 + out
+    mesh = replace(mesh, points=np.stack([x, -reach * np.cos(angle), reach * np.sin(angle)], axis=1))
+    return Body(mesh, supports=["ROOT"], interfaces={"tip": "TIP"}, name="gutter")
+
+
+def block():
+    """With two of its sides fast."""
+    mesh = box(ElementType.C3D20, (2, 4, 4), (0.03, 0.05, 0.05))
+    return Body(mesh, supports=["ROOT"], interfaces={"tip": "TIP"}, name="block")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("make", "load"),
+    [
+        (coned_ring, (0.0, 0.0, 200.0)),
+        (coned_ring, (0.0, 0.0, -200.0)),
+        (dome, (0.0, 0.0, 1e5)),
+        (gutter, (0.0, 300.0, 0.0)),
+        (block, (-2e7, 0.0, 0.0)),
+        (block, (0.0, 1e7, 0.0)),
+    ],
+)
+def test_what_places_miss_at_third_order_is_told_as_it_is(make, load):
+    """Its shadow's places miss it as well: of a cone nothing else told more than a hundredth of it."""
+    body = make()
     model = body.build(surface=False)
+    loads = {model.reduced.interface_names[0]: load}
     state = model.static(loads)
     true, told = true_error(body, model, state, loads), model.error(state, loads)
-    assert true > 0.03
-    assert told.relative < 1e-3
-    assert 0.02 < told.bound < 2.0 * true
+    assert true > 3e-4
+    assert told.relative == pytest.approx(true, rel=0.1)
+    assert told.bound < 2.5 * told.relative
 
 
 def test_in_motion_inertia_is_no_error(built):
@@ -302,7 +345,7 @@ def test_near_the_limit_load_of_an_arch_its_bound_grows_as_its_stiffness_falls(t
     state = body.static(loads)
     told, stability = body.error(state, loads), body.stability(state, inputs)[0]
     assert stability < 0.2
-    assert told.bound == pytest.approx(1.25 * told.relative / np.sqrt(stability), rel=0.1)
+    assert told.bound == pytest.approx(1.25 * told.relative / stability, rel=0.1)
 
 
 def test_an_fmu_warns_where_its_bound_exceeds_the_tolerance_of_its_body(built, tmp_path):
@@ -325,22 +368,15 @@ def test_an_error_of_more_than_a_tenth_has_no_bound_that_says_the_same(built, tm
     assert "more than 10 % of the largest deflection, by the body's own estimate (limit 1 %): take" in line
 
 
-def gutter():
-    """Half a thin tube, clamped at one end."""
-    mesh = box(ElementType.C3D20, (8, 4, 1), (0.5, np.pi, 0.0012))
-    x, angle, out = mesh.points.T
-    reach = 0.0294 + out
-    mesh = replace(mesh, points=np.stack([x, -reach * np.cos(angle), reach * np.sin(angle)], axis=1))
-    return Body(mesh, supports=["ROOT"], interfaces={"tip": "TIP"}, name="gutter").build(surface=False)
-
-
 @pytest.mark.slow
-def test_a_body_whose_section_opens_warns_of_more_than_its_shadow_sees(built, tmp_path):
-    """The next order after the second, which more frames do not lessen as they do in a solid bar."""
-    for model, loads, told in ((built, UP, False), (gutter(), {"tip": (0.0, 300.0, 0.0)}, True)):
-        state = model.static(loads)
-        limit = 1.4 * model.error(state, loads).relative + 4.0 * model.core.strain(state.q) ** 2
-        assert warned(model, tmp_path, limit, loads) == told
+def test_on_springs_a_bound_counts_the_order_after_the_second():
+    """A shadow in one piece that is held knows it."""
+    support = Support("ROOT", stiffness=[1e11] * 3, rotational_stiffness=[1e9] * 3)
+    model = Body(gutter().mesh, supports=[support], interfaces={"tip": "TIP"}).build(surface=False)
+    loads = {"tip": (0.0, 300.0, 0.0)}
+    state = model.static(loads)
+    told = model.error(state, loads)
+    assert told.bound > 1.3 * told.relative + 4.0 * model.core.strain(state.q) ** 2 + 2e-4
 
 
 def test_without_a_limit_nothing_is_written_and_steps_are_the_same(one_frame, tmp_path):

@@ -12,11 +12,13 @@ from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.outputs import Reporter, tell_nobody
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
+from flexfmu.model.inertia import Membrane
 from flexfmu.reduction.basis import Matrices, third_order_loads
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.fourth_order import FourthOrder
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.modes import normal_modes, with_residual_flexibility
+from flexfmu.reduction.third_order import missed_energy, third_order_places
 from meshes import arc, body_file, box, grid, lattice
 from references import relative
 
@@ -200,3 +202,39 @@ def test_a_bar_one_reduced_element_across_is_right_and_not_warned_of(tmp_path):
     # CalculiX 2.20, C3D20, NLGEOM: with C3D20R it finds no equilibrium beyond a hundredth of the load.
     assert relative(found[0], np.array([-3.073365e-3, 0.0, 0.2018490])) < 2e-3
     assert relative(*found) < 0.02
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_places_of_third_order_are_those_that_the_tree_makes(kept, tmp_path):
+    """Also with a shape of second order among the coordinates."""
+    mesh = arc(ElementType.C3D20, (8, 1, 1), 1.0, 0.05, angle=1.2)
+    reduced = reduce_body(body_file(mesh, tmp_path, interface=["TIP"], frames=4), Reporter())
+    assert reduced.frame_count == 4
+    assert np.abs(reduced.second.displacement).max() > 0.0
+    if kept:
+        linear = np.eye(1, reduced.mode_count) * reduced.angular_frequency / np.sqrt(2.0)
+        random = np.random.default_rng(1).standard_normal((1, reduced.mode_count, reduced.mode_count))
+        reduced = replace(reduced, membrane=Membrane(random + random.swapaxes(1, 2), linear, np.ones(1)))
+    core = FlexibleBody(reduced, "second_order").core
+    q = 1e-2 / np.arange(1.0, reduced.mode_count + 1)
+
+    def odd(size):
+        return 0.5 * (core.motion(size * q) - core.motion(-size * q))[:3]
+
+    third = (odd(2.0) - 2.0 * odd(1.0)) / 6.0
+    assert third_order_places(reduced, q[None])[0, 0] == pytest.approx(third, rel=1e-2)
+
+
+def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
+    mesh = arc(ElementType.C3D20, (8, 1, 1), 1.0, 0.05, angle=1.2)
+    reduced = reduce_body(body_file(mesh, tmp_path, interface=["TIP"], frames=2), Reporter())
+    random = np.random.default_rng(2)
+    motions, loads = 1e-2 * random.standard_normal((3, reduced.mode_count)), random.standard_normal((3, 1, 3))
+    work = np.diag(1e-6 * random.standard_normal(6))
+    forms, signs = missed_energy(reduced, motions, loads, work, 0.0)
+    amplitudes = random.standard_normal(3)
+    pairs = np.outer(amplitudes, amplitudes)[np.triu_indices(3)]
+    missed = (amplitudes @ loads[:, 0]) @ third_order_places(reduced, (amplitudes @ motions)[None])[0, 0]
+    found = signs @ np.einsum("kij,i,j->k", forms, amplitudes, amplitudes) ** 2
+    assert set(signs) == {-1.0, 1.0}
+    assert found == pytest.approx(missed - pairs @ work @ pairs, rel=1e-9)

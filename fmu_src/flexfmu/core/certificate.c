@@ -31,7 +31,7 @@ typedef struct {
 /* Numbers found on the way: the largest deflection, and that by inertia; how soft an interface is; by how much second order
  * within frames moves interfaces, of that what more frames do not change, flattening, and membrane energy; strain; whether
  * joints are taken without tension. */
-enum { REACH, INERTIA, SOFT, OWN, WITHIN, FLAT, STRETCHED, STRAIN, SLACK, FOUND };
+enum { REACH, TURNED, INERTIA, SOFT, OWN, WITHIN, FLAT, STRAIN, SLACK, FOUND };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = body->p;
@@ -294,59 +294,70 @@ static const double OF_DEFLECTION = 1e-9, OF_SIZE = 1e-13;
 
 /* Where interfaces turn about themselves their deflection is that at an arm, of so much of the body's size. */
 static const double ARM = 0.01;
+/* What an error of rotation counts: 2 % of one are as bad as 1 % of a displacement. */
+static const double HALF = 0.5;
 
-/* The deflection of interfaces that are moved and turned by distances and angles (I, 2), of which `largest` is the largest. */
-static double reach_of(const Program *p, const double *by, double largest) {
-    double angle = 0.0, size = 0.0;
+/* How far interfaces are from where the body hangs. */
+static double span_of(const Program *p) {
+    double size = 0.0;
     for (int64_t i = 0; i < p->interfaces; i++) {
         double from[3];
         for (int c = 0; c < 3; c++) from[c] = p->point[3 * (p->frames + i) + c] - p->point[c];
         size = fmax(size, norm(from, 3));
-        angle = fmax(angle, by[2 * i + 1]);
     }
-    return fmax(largest, ARM * size * angle);
+    return size;
 }
 
-/* The largest error over a deflection; 0 of a body at rest. */
-static double share_of(const Program *p, const double *error, double deflection) {
+/* The largest angle by which interfaces are turned, of their distances and angles (I, 2). */
+static double largest_turn(const Program *p, const double *by) {
+    double angle = 0.0;
+    for (int64_t i = 0; i < p->interfaces; i++) angle = fmax(angle, by[2 * i + 1]);
+    return angle;
+}
+
+/* The deflection of interfaces that are moved and turned by distances and angles (I, 2), of which `largest` is the largest. */
+static double reach_of(const Program *p, const double *by, double largest) {
+    return fmax(largest, ARM * span_of(p) * largest_turn(p, by));
+}
+
+/* The largest error over a deflection, or half of that of an angle over the largest or the deflection's; 0 of a body at rest. */
+static double share_of(const Program *p, const double *error, double deflection, double angle) {
+    const double span = span_of(p), wide = span > 0.0 ? fmax(angle, deflection / span) : 0.0;
     double size = 0.0, largest = 0.0;
     /* An interface at the origin is known exactly, what carries it is not. */
     for (int64_t i = 0; i < p->frames + p->interfaces; i++) size = fmax(size, norm(p->point + 3 * i, 3));
     for (int64_t i = 0; i < p->interfaces; i++) largest = fmax(largest, error[2 * i]);
     largest = reach_of(p, error, largest);
+    if (wide > 0.0) largest = fmax(largest, HALF * largest_turn(p, error) / wide * deflection);
     return largest > fmax(OF_DEFLECTION * deflection, OF_SIZE * size) ? largest / fmax(deflection, OF_SIZE * size) : 0.0;
 }
 
 /* What goes onto the bound: half of the errors beyond 0.3 % are estimated below 0.6 of what they are. */
 static const double MARGIN = 1.25;
-/* Share of the deflection from which on membrane energy holds a body: where its next order is missed it is 0.5 at the most. */
-static const double HOLDS = 0.6;
-
-/* The deflection by membrane energy, or by what flattens sections alone. */
-static double moved_by_stretching(Body *body, Room *room, const double *q, int flattens) {
+/* The deflection by what flattens sections. */
+static double moved_by_flattening(Body *body, Room *room, const double *q) {
     const Program *p = body->p;
     Arena arena = work_arena(body);
     Stretch at;
     take_stretch(body, &arena, &at);
     if (arena.refused) return 0.0;
     stretch_at(body, q, &at);
-    for (int64_t r = 0; flattens && r < p->stretches; r++)
+    for (int64_t r = 0; r < p->stretches; r++)
         if (p->stretch_sign[r] > 0.0) at.bent[r] = at.whole[r] = 0.0;
     memset(room->rest, 0, (size_t)p->modes * sizeof(double));
     subtract_stretch_force(body, &at, &at, room->rest);
     return deflection_by(body, room->rest, room);
 }
 
-/* Bound of an error of which the shadow finds a share: near a critical load what it does not see grows as well, and the next
- * order after the second, `within` of the deflection, is that of a cosine. Of flattening, `flat` of it, only the first order is
- * known: in tubes and pipe bends what is missed is 0.2 to 2 times as much. So it is of membrane energy, by which `stretched` of it
- * is missing: of cones and saddles as much again is missed, or five times the square of the motion of second order; where it
- * holds a body, as a blade, its linear deflections say nothing. Large strain neither knows: a bar that is pulled by
- * EA (e + 3/2 e^2 + 1/2 e^3) is off by 2 e^2, and strain is larger than its mean. */
-static double bound_of(double share, double soft, double within, double flat, double stretched, double strain) {
+/* Bound of an error of which the shadow finds a share: near a critical load what it does not see grows as well. Of flattening,
+ * `flat` of the deflection, only the first order is known: in tubes and pipe bends what is missed is 0.2 to 2 times as much.
+ * Large strain it does not know: a bar that is pulled by EA (e + 3/2 e^2 + 1/2 e^3) is off by 2 e^2, and strain is larger than
+ * its mean. A shadow that knows the third order of motions under forces has both in its share; what other motions lack is no sum
+ * with it. Of others the next order after the second, `within` of the deflection, is that of a cosine. */
+static double bound_of(double share, double soft, double within, double flat, double strain, int third) {
     if (!(share > 0.0)) return 0.0;
-    const double curved = stretched < HOLDS ? fmin(stretched, 5.0 * within * within) : 0.0;
-    return MARGIN * (share / sqrt(soft) + within * within / 6.0 + 2.0 * flat + curved) + 4.0 * strain * strain;
+    const double seen = MARGIN * share / soft, unseen = 2.0 * MARGIN * flat + 4.0 * strain * strain;
+    return third ? fmax(seen, unseen) : seen + unseen + MARGIN * within * within / 6.0;
 }
 
 /* The shadow's coordinates where shapes of second order stay coordinates that are none of the body's: there they have the
@@ -403,6 +414,7 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
     if (due(slice, CALLS)) {
         const double now = apart(room->moved, room->other, p->interfaces, room->error);
         const double inertia = deflection_by(body, room->rest, room);
+        room->found[TURNED] = largest_turn(p, room->error);
         room->found[REACH] = fmax(reach_of(p, room->error, now), inertia);
         room->found[INERTIA] = p->ties ? inertia : 0.0;
     }
@@ -447,8 +459,7 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
             const double own = room->found[OWN], finer = apart(room->other, room->plain, interfaces, room->bent);
             room->found[WITHIN] = fmax(own - fabs(own - finer), 0.0);
         }
-        if (due(slice, CALLS + (double)(2 * body->p->stretch_numbers))) room->found[FLAT] = moved_by_stretching(body, room, q, 1);
-        if (due(slice, CALLS + (double)(2 * body->p->stretch_numbers))) room->found[STRETCHED] = moved_by_stretching(body, room, q, 0);
+        if (due(slice, CALLS + (double)(2 * body->p->stretch_numbers))) room->found[FLAT] = moved_by_flattening(body, room, q);
         if (due(slice, CALLS + (double)(6 * body->p->strains * body->p->modes))) room->found[STRAIN] = body_strain(body, q);
     } else if (!slice || slice->failed) {
         room->found[SOFT] = 0.0;
@@ -461,14 +472,14 @@ void error_found(const Body *body, const Body *shadow, Arena arena, double *erro
     const Room *room = room_in(shadow, &arena, 0);
     const double *found = room->found;
     const int opened = has_opened(shadow->p, p);
-    /* Where shapes of second order stay coordinates membrane energy is most of it, and known. */
-    const double stretched = shadow->opened->keeps_shapes ? 0.0 : found[STRETCHED];
+    /* A shadow in one piece that is held knows the third order. */
+    const int third = !p->rigid && !p->ties && !shadow->p->ties;
     *deflection = fmax(*deflection, found[REACH]);
-    *share = *bound = share_of(p, room->error, *deflection);
+    *share = *bound = share_of(p, room->error, *deflection, found[TURNED]);
     /* A shadow with loops opened: its frames are others, and joints that a step closes pull. */
     if (found[SOFT] > 0.0 && *deflection > 0.0)
         *bound = bound_of(*share, opened ? 1.0 : found[SOFT], opened ? 0.0 : found[WITHIN] / *deflection, found[FLAT] / *deflection,
-                          stretched / *deflection, found[STRAIN]);
+                          found[STRAIN], third);
     for (int64_t i = 0; i < 2 * p->interfaces; i++) error[i] = *share == 0.0 ? 0.0 : room->error[i];
 }
 

@@ -11,8 +11,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
-from ..fe.gradients import mean_spin, quadratic_strain, turned_stress
+from ..fe.gradients import mean_spin, quadratic_strain, stressed_gradients, turned_stress
 from ..files.basics import FloatArray, IntArray
+from ..files.outputs import tell_nobody
 from ..files.store import content_key
 from ..mesh.model import Mesh
 from .basis import Matrices
@@ -96,7 +97,7 @@ def without_resultants(points: FloatArray, forces: FloatArray, sliced: list[IntA
 
 
 # Motions that turn the material less than this of the most turning one, in squares at the same energy, stretch it.
-_STIFF = 1e-2
+STIFF = 1e-2
 # Energy below this share of the largest: a load on a support.
 _NONE = 1e-12
 # Right-hand sides at a time.
@@ -146,6 +147,22 @@ class FourthOrder:
         free = self.matrices.supported.forces(forces)
         released = self.released(free, f"Static response to {count} stretches", self.tied)
         return 0.5 * (energies - released), forces
+
+    def third_order_work(self, fields: FloatArray, pairs: IntArray, basis: FloatArray, known: FloatArray) -> FloatArray:
+        """Work (p, p) of a motion's forces on its displacements of third order, by pairs (p, 2) of fields (3n, m).
+
+        With it goes the energy that stress which turns sets free outside a basis (3n, e) of unit energies.
+        Displacements of second order are left out as far as some (e, k) of its shapes know them.
+        """
+        model, (first, second) = self.matrices.supported, pairs.T
+        pulled = stressed_gradients(self._mesh, fields, np.zeros((len(fields), 1)), pairs[:1])
+        pulled = pulled[:, first, second] + (first < second) * pulled[:, second, first]
+        strained = (2.0 - (first == second)) * quadratic_strain(self._mesh, fields, pairs, tell_nobody)[0]
+        moved = model.whole(model.static(model.forces(np.hstack([strained, pulled]))))
+        within = basis.T @ np.hstack([strained, pulled])
+        moved[:, : len(pairs)] -= basis @ (known @ (known.T @ within[:, : len(pairs)]))
+        moved[:, len(pairs) :] -= basis @ within[:, len(pairs) :]
+        return pulled.T @ (moved[:, : len(pairs)] + 0.5 * moved[:, len(pairs) :])
 
     def flattening_forces(self, fields: FloatArray, pairs: IntArray) -> FloatArray:
         """Forces on free degrees of freedom by which stress that turns with its material flattens sections.
@@ -248,7 +265,7 @@ def turning_scale(energy: FloatArray, turned: FloatArray) -> FloatArray:
     """
     real = energy > _NONE * energy.max()
     ease = np.divide(turned, energy, out=np.zeros_like(energy), where=real)
-    soft = ease > _STIFF * ease.max()
+    soft = ease > STIFF * ease.max()
     # What does not turn at all may be less than nothing by round-off.
     return np.divide(1.0, np.sqrt(np.maximum(turned, 0.0)), out=np.zeros_like(energy), where=soft)
 

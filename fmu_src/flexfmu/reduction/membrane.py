@@ -10,8 +10,9 @@ In bodies like arches w itself bends the body. It is then no small addition to Î
 material by far more than the square of its angle stay coordinates, and the energy gets a cubic part.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import cached_property, partial
 from itertools import combinations_with_replacement
 from typing import Literal
 
@@ -22,9 +23,11 @@ from ..fe.gradients import mean_spin
 from ..files.basics import FloatArray, IntArray, ModelError
 from ..files.store import content_key
 from ..model.inertia import Membrane
+from ..model.reduced_body import ReducedBody
 from .basis import TENSE, TURNING, Matrices
-from .fourth_order import FourthOrder, energy_shares, turning_scale
+from .fourth_order import STIFF, FourthOrder, energy_shares, turning_scale
 from .modes import Modes
+from .third_order import missed_energy
 
 # Directions in the coordinates whose pairs are looked at, at least and at most: 666 and 1830 static responses; between
 # them so many that pairs times unknowns are no more. Of a plate on three feet with six interfaces, 58 coordinates, 36
@@ -63,6 +66,8 @@ _SAME = 2e-3
 # 2.9 % off at 3e-3, unseen by its shadow; at 1e-4 1.6, 2.6 by a shadow at 1e-5.
 _FINER, _STRETCH, _OF_PARTS = 1e-5, 1e-4, 3e-3
 _FLATTENED, _FLATTENED_PARTS = 3e-3, 1e-2
+# How many motions under forces what places miss is known of, and least deflection of one by a force of unit energy.
+_SOFTEST, _SOFT = 8, 1e-5
 
 
 @dataclass(frozen=True)
@@ -191,6 +196,31 @@ class Stretching:
         result.linear[:, every] = np.concatenate(linear) * self._omega
         return result
 
+    def third_order(self, membrane: Membrane, body: ReducedBody) -> Membrane:
+        """The same, and what the places of a body with it miss at third order in its softest motions under forces."""
+        unit, count = self._shapes / self._omega, self.loads.shape[1] // 2
+        # Motions of unit energy, and the forces that cause them.
+        forces, sizes, found = np.linalg.svd(self.loads[:, :count].T @ unit, full_matrices=False)
+        forces, found = (forces / sizes)[:, sizes > _SOFT * sizes[0]], found[sizes > _SOFT * sizes[0]]
+        turned, axes = np.linalg.eigh(found @ self._spin @ found.T)
+        axes = axes[:, turned > STIFF * turned[-1]][:, -_SOFTEST:]
+        size = _TURN / np.sqrt(turned[-axes.shape[1] :])
+        motions, forces = axes.T @ found, (forces @ axes * size).T.reshape(len(size), -1, 3)
+        pairs = np.array(list(combinations_with_replacement(range(len(size)), 2)))
+        shapes = np.sqrt(2.0) * membrane.linear[membrane.linear.any(axis=1)][:, self._elastic] / self._omega
+        work = self._fourth.third_order_work(unit @ (motions.T * size), pairs, unit, shapes.T)
+        q = np.zeros((len(size), self.modes.angular_frequency.size))
+        q[:, self._elastic] = size[:, None] * motions / self._omega
+        forms, signs = missed_energy(body, q, forces, work, _LEAST * 0.5 * size.min() ** 2)
+        rows = np.zeros(q.shape)
+        rows[:, self._elastic] = motions * self._omega / size[:, None]
+        missed = rows.T @ forms @ rows
+        return Membrane(
+            np.concatenate([membrane.quadratic, missed]),
+            np.concatenate([membrane.linear, np.zeros(missed.shape[:2])]),
+            np.concatenate([membrane.sign, signs]),
+        )
+
     def _refuse_what_does_not_fit(self, pairs: int) -> None:
         """Refuse more pairs than the memory holds, before any is begun."""
         # Forces, those of the free degrees of freedom, energies and their eigenvectors.
@@ -225,7 +255,11 @@ class Stretching:
 
 
 def membrane_energy(
-    stretching: Stretching, modes_key: str, wanted: bool | Literal["auto", "finer"], keep_shapes: bool
+    stretching: Stretching,
+    modes_key: str,
+    wanted: bool | Literal["auto", "finer"],
+    keep_shapes: bool,
+    places: Callable[[Membrane], ReducedBody] | None,
 ) -> Membrane | None:
     """Stretches of a body, where it stretches when it bends or the body file asks for them.
 
@@ -238,6 +272,8 @@ def membrane_energy(
         As of `BodyOptions`.
     keep_shapes : bool
         As of `Stretching.membrane`.
+    places : callable or None
+        The body with a membrane energy, of a shadow that is to know what its places miss at third order.
 
     Returns
     -------
@@ -258,11 +294,17 @@ def membrane_energy(
         return None
     key = content_key(__name__, modes_key, stretching.loads, stretching.tied, keep_shapes, stretched, flattened, least)
 
-    def make() -> dict[str, FloatArray]:
-        made = stretching.membrane(stretched, flattened, keep_shapes, least)
-        return {"quadratic": made.quadratic, "linear": made.linear, "sign": made.sign}
+    def kept(key: str, title: str, find: Callable[[], Membrane]) -> Membrane:
+        return Membrane(**matrices.store.arrays(key, title, report, lambda: asdict(find())))
 
-    membrane = Membrane(**matrices.store.arrays(key, "membrane energy", report, make))
+    find = partial(stretching.membrane, stretched, flattened, keep_shapes, least)
+    membrane = kept(key, "membrane energy", find)
+    if places is not None:
+        body = places(membrane)
+        key = content_key(
+            __name__, key, body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
+        )
+        membrane = kept(key, "what places miss at third order", partial(stretching.third_order, membrane, body))
     if not membrane.sign.size:
         return None
     report.detail(membrane.words)

@@ -213,7 +213,7 @@ def _reduced(divided: _Divided, basis: _Basis) -> ReducedBody:
         second, curvature = _second_order(divided, basis, lump_centres)
         if inertia is not None:
             inertia = replace(inertia, curvature=curvature)
-        membrane = _membrane(divided, basis, loads)
+        membrane = _membrane(divided, basis, loads, second)
     parts = _parts(divided, basis, loads, second)
     return _made(divided, basis, inertia=inertia, ties=_springs(divided, basis), membrane=membrane, **parts)
 
@@ -409,10 +409,16 @@ def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) 
     return SecondOrder(displacement, rotation), every.displacement[lumped]
 
 
-def _membrane(divided: _Divided, basis: _Basis, loads: FloatArray) -> Membrane | None:
+def _membrane(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOrder) -> Membrane | None:
     """The energy of fourth order, where it is wanted and the body holds any; parts of a cut one keep no shapes."""
     stretching = Stretching(basis.matrices, basis.modes, loads, bool(divided.springs))
-    membrane = membrane_energy(stretching, basis.key, divided.config.membrane, not divided.cut)
+
+    def places(membrane: Membrane) -> ReducedBody:
+        return _made(divided, basis, second=second, membrane=membrane)
+
+    wanted, still = divided.config.membrane, bool(np.all(basis.modes.angular_frequency > 0.0))
+    third = places if wanted == "finer" and still and not divided.cut and not divided.springs else None
+    membrane = membrane_energy(stretching, basis.key, wanted, not divided.cut, third)
     if membrane is not None and divided.open_loops:
         count, do = len(divided.subdomains), 'take frames = 1, or cut = "auto"'
         basis.matrices.report.warning(f"{count} frames open a loop that stretches, one frame keeps it closed: {do}")

@@ -1,0 +1,111 @@
+"""Energy of what the tree's places miss at third order (docs/theory.md, section 7a).
+
+A body's places are right to second order. What they miss at third order works on its loads: that is a quartic form of
+the coordinates. A shadow that has it as energy moves by what the body misses.
+"""
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from ..files.basics import FloatArray
+from ..model.reduced_body import ReducedBody
+from ..model.rotations import skew
+
+# Samples that a quartic form is found from, for each of its terms.
+_SAMPLES = 2
+
+
+def third_order_places(body: ReducedBody, q: FloatArray) -> FloatArray:
+    """Displacements of the interfaces at third order, (4) to (6) with (19) and (20).
+
+    Parameters
+    ----------
+    body : ReducedBody
+        With second order, without rigid motions.
+    q : (k, m) float
+
+    Returns
+    -------
+    (k, I, 3) float
+        m.
+    """
+    assert body.second is not None
+    parents, frames = np.concatenate([body.frame_parent, body.interface_frame]), body.frame_count
+    points = np.concatenate([body.joint_point, body.interface_point])
+    linear = np.stack([
+        np.concatenate([body.joint_displacement, body.interface_displacement]),
+        np.concatenate([body.frame_rotation, body.interface_rotation]),
+    ])  # fmt: skip
+    bent = np.stack([body.second.displacement, body.second.rotation])[:, : len(points)]
+    shift = np.zeros_like(q)
+    if body.membrane is not None:
+        shift = 0.5 * np.einsum("cab,ka,kb->kc", body.membrane.shift(body.angular_frequency**2), q, q, optimize=True)
+    # By displacement and rotation, sample and node.
+    first = np.einsum("dnia,ka->dkni", linear, q)
+    second = 0.5 * np.einsum("dniab,ka,kb->dkni", bent, q, q, optimize=True)
+    (u, turn), (w, more) = first, second + np.einsum("dnia,ka->dkni", linear, shift)
+    result, spin = np.zeros(u.shape), np.zeros((*u.shape, 3))
+    for node, parent in enumerate(parents.tolist()):
+        relative, half = skew(turn[:, node]), skew(more[:, node])
+        if parent >= 0:
+            arm, hat = points[node] - points[parent], skew(turn[:, parent])
+            curl = skew(more[:, parent]) + 0.5 * hat @ hat
+            offset = u[:, node] - u[:, parent] - hat @ arm
+            bend = w[:, node] - w[:, parent] - curl @ arm - _times(hat, offset)
+            result[:, node] = result[:, parent] + spin[:, parent] @ arm + _times(curl, offset) + _times(hat, bend)
+            relative = relative - hat
+            half = half - skew(more[:, parent] + 0.5 * _times(hat, turn[:, node]))
+            spin[:, node] = spin[:, parent] + curl @ relative + hat @ (half + 0.5 * relative @ relative)
+        spin[:, node] += 0.5 * (relative @ half + half @ relative) + relative @ relative @ relative / 6.0
+    return result[:, frames:]
+
+
+def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    return np.einsum("kij,kj->ki", matrices, vectors)
+
+
+def missed_energy(
+    body: ReducedBody, motions: FloatArray, loads: FloatArray, work: FloatArray, least: float
+) -> tuple[FloatArray, FloatArray]:
+    """Quartic form by which the work of loads on the tree's places exceeds that on those of the finite element model.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    motions : (r, m) float
+        Modal coordinates of static responses.
+    loads : (r, I, 3) float
+        Forces on the interfaces that cause them, N.
+    work : (p, p) float
+        Of the loads on the model's displacements of third order, by pairs of motions, J.
+    least : float
+        Energy up to which a form is left out, J.
+
+    Returns
+    -------
+    forms : (k, r, r) float
+        In the motions' amplitudes, J^½.
+    signs : (k,) float
+        Of their squares, which add up to the energy.
+    """
+    first, second = np.array(list(combinations_with_replacement(range(len(motions)), 2))).T
+    rows, columns = np.triu_indices(len(first))
+    four = np.sort(np.stack([first[rows], second[rows], first[columns], second[columns]], axis=1))
+    terms, which, times = np.unique(four, axis=0, return_inverse=True, return_counts=True)
+    amplitudes = np.random.default_rng(0).standard_normal((_SAMPLES * len(terms), len(motions)))
+    pairs = amplitudes[:, first] * amplitudes[:, second]
+    energy = np.einsum(
+        "kr,rij,kij->k", amplitudes, loads, third_order_places(body, amplitudes @ motions), optimize=True
+    )
+    found = np.linalg.lstsq(amplitudes[:, terms].prod(axis=2), energy - ((pairs @ work) * pairs).sum(axis=1))[0]
+    matrix = np.zeros(work.shape)
+    # Equal parts of a term go to all products of two pairs that make it.
+    matrix[rows, columns] = (0.5 * found / times)[which.ravel()]
+    values, vectors = np.linalg.eigh(matrix + matrix.T)
+    kept = np.abs(values) > least
+    forms = np.zeros((kept.sum(), len(motions), len(motions)))
+    half = 0.5 * vectors[:, kept].T * np.sqrt(np.abs(values[kept]))[:, None]
+    forms[:, first, second] = half
+    forms[:, second, first] += half
+    return forms, np.sign(values[kept])
