@@ -7,7 +7,7 @@ import pytest
 
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
-from flexfmu.fe.gradients import quadratic_strain, stressed_gradients
+from flexfmu.fe.gradients import quadratic_strain, stress_stiffness, stressed_gradients
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.outputs import Reporter, tell_nobody
 from flexfmu.mesh.checks import checked
@@ -238,3 +238,19 @@ def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
     found = signs @ np.einsum("kij,i,j->k", forms, amplitudes, amplitudes) ** 2
     assert set(signs) == {-1.0, 1.0}
     assert found == pytest.approx(missed - pairs @ work @ pairs, rel=1e-9)
+
+
+@pytest.mark.parametrize("part", [False, True])
+def test_a_part_that_is_pressed_along_itself_has_the_shape_by_which_it_bends_more(part, tmp_path):
+    """Of a bar in one piece its normal modes know it; what others press onto a part bends shapes that these are not."""
+    matrices, loads = matrices_and_loads(box(ElementType.C3D20, (12, 1, 1), (1.0, 0.04, 0.04)), tmp_path)
+    model, modes = matrices.supported, normal_modes(matrices.supported, 2)
+    modes = with_residual_flexibility(model, modes, loads)
+    forces = third_order_loads(matrices, modes, loads, 1e-3, (6, 4), part)
+    along, bent = model.whole(model.static(model.forces(loads[:, [0, 2]]))).T
+    force = model.forces((stress_stiffness(matrices.model.mesh, along) @ bent)[:, None])
+    known = with_residual_flexibility(model, modes, forces) if forces.shape[1] else modes
+    shapes = known.shapes / known.angular_frequency
+    held, whole = model.unknowns.of(shapes).T @ force, force.T @ model.static(force)
+    missed = 1.0 - (held**2).sum() / whole.item()
+    assert (missed < 1e-5) == part

@@ -22,7 +22,7 @@ from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
 from ..model.methods import Data, Mass, Variant
 from ..model.modal_file import write_modal_file
-from ..model.reduced_body import Properties, ReducedBody, Surface
+from ..model.reduced_body import Properties, ReducedBody, Shadow, Surface
 from ..model.summary import NORMAL_MODES, first_frequency, missed_words, summary
 from ..model.variants import chosen
 from ..program.mass_polynomial import mass_polynomial
@@ -194,7 +194,10 @@ def reduce_mesh(
     # Who asks for a mass has it.
     asked = config.formulation.mass is not None or config.reduction.inertia is False
     draft = Tentative(report)
-    body = _cut_if_wrong(_with_mass(use, options, model, draft, store, asked)(), use, others, draft, report, store)
+    whole, third = _with_mass(use, options, model, draft, store, asked)()
+    body = _cut_if_wrong(whole, use, others, draft, report, store)
+    if body is whole and third is not None:
+        body = replace(body, shadow=third())
     body = body if prepared.options.certificate else replace(body, shadow=None)
     _tell(config, body, report)
     return body
@@ -224,9 +227,13 @@ def _cut_if_wrong(
     return taken
 
 
+# A body with its shadow, and what makes one of that which knows the third order.
+_Certified = tuple[ReducedBody, Callable[[], Shadow] | None]
+
+
 def _with_mass(
     use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store, asked: bool
-) -> Callable[[], ReducedBody]:
+) -> Callable[[], _Certified]:
     """What makes the body, with the mass of its lumps (13) where it may bend far and they are fine, with its shadow.
 
     Default frames are doubled then, since what bends within a frame carries its lumps astray. Nothing is said of, and
@@ -254,7 +261,7 @@ def _with_mass(
 
 def _reduced(
     use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store
-) -> tuple[ReducedBody, Callable[[], ReducedBody]]:
+) -> tuple[ReducedBody, Callable[[], _Certified]]:
     """The body, with the polynomial of its mass where it has any; what makes it with the shadow that tells most."""
     piece = None
     if options.cuts:
@@ -272,15 +279,15 @@ def _reduced(
         use = replace(use, variant=Variant(use.variant.method))
     body = used_body(body, use)
 
-    def certified() -> ReducedBody:
+    def certified() -> _Certified:
         if piece is None or not options.certificate:
-            return body
+            return body, None
         found = piece.certified()
         own = replace(body, shadow=found.body.shadow)
         if found.opened is None or not differs_more(own, found.opened):
-            return own
+            return own, found.third
         report.note(f"its frames turn apart where a loop through supports closes: {AGAINST_OPENED}")
-        return replace(own, shadow=found.opened)
+        return replace(own, shadow=found.opened), None
 
     return body, certified
 

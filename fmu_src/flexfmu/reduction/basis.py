@@ -234,7 +234,8 @@ _MOST, _LEAST, _LEAST_FAR = (6, 2), 0.01, 0.003
 _MOTIONS = 6
 # Motions that turn the material less than this of the most turning one, in squares at the same energy, stretch it; of
 # the second round. A strip that is twenty times as wide as thick turns 1/400 as much on edge, and yet evades sideways.
-_STIFF, _STIFFER = 1e-2, 1e-4
+# A part of a cut body is pressed along itself by the others, which turns it by round-off.
+_STIFF, _STIFFER, _ALONG = 1e-2, 1e-4, 1e-9
 # Relative size of an eigenvalue below which loads depend on each other.
 _DEPENDENT = 1e-10
 # Numbers of the unit loads beyond which their forces of third order, some times as many, are not kept on disk.
@@ -249,19 +250,21 @@ _TURN, _OWN_TURN = 0.5, 0.6
 TURNING, TENSE, _NO_TURN, _TURNED = 0.4, 10.0, 1e-4, 21
 
 
-def with_third_order(matrices: Matrices, modes: Modes, key: str, loads: FloatArray, far: bool) -> tuple[Modes, str]:
+def with_third_order(
+    matrices: Matrices, modes: Modes, key: str, loads: FloatArray, far: bool, part: bool
+) -> tuple[Modes, str]:
     """A basis with the shapes of second and third order that it lacks most, and its key.
 
-    Of a body that bends far they are more; other parameters as below.
+    Of a body that bends far, or of a part of a cut one, they are more; other parameters as below.
     """
     least = _LEAST_FAR if far else _LEAST
-    make = partial(third_order_loads, matrices, modes, loads, least, _MOST)
-    forces = matrices.kept(content_key(__name__, key, loads, least), "static shapes of third order", make)
+    make = partial(third_order_loads, matrices, modes, loads, least, _MOST, part)
+    forces = matrices.kept(content_key(__name__, key, loads, least, part), "static shapes of third order", make)
     return completed_basis(matrices, modes, key, forces)
 
 
 def third_order_loads(
-    matrices: Matrices, modes: Modes, loads: FloatArray, least: float, most: tuple[int, int]
+    matrices: Matrices, modes: Modes, loads: FloatArray, least: float, most: tuple[int, int], part: bool = False
 ) -> FloatArray:
     """Nodal forces whose static shapes a basis lacks most at second and third order.
 
@@ -279,6 +282,8 @@ def third_order_loads(
         to which it is left out: by about as much a motion under its own load is too small without the shape.
     most : (int, int)
         How many shapes at most; and for each interface, of motions by its loads alone.
+    part : bool
+        Whether motions count that hardly turn material: of a part, which others press along itself.
 
     Returns
     -------
@@ -295,7 +300,8 @@ def third_order_loads(
         return (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
 
     with matrices.report.stage("Find static shapes of third order"):
-        for which, number in ((_together, most[0]), (_by_interface, most[1] * count)):
+        own = _by_interface_of_part if part else _by_interface
+        for which, number in ((_together, most[0]), (own, most[1] * count)):
             forces, answer = _answered(matrices, loads, which)
             free, known = model.forces(forces), held(forces)
             taken = model.forces(found).T @ answer - held(found).T @ known
@@ -358,14 +364,18 @@ def _together(matrices: Matrices, loads: FloatArray) -> Iterator[_Motions]:
     yield softest_motions(matrices, loads)
 
 
-def _by_interface(matrices: Matrices, loads: FloatArray) -> Iterator[_Motions]:
+def _by_interface_of_part(matrices: Matrices, loads: FloatArray) -> Iterator[_Motions]:
+    return _by_interface(matrices, loads, _ALONG)
+
+
+def _by_interface(matrices: Matrices, loads: FloatArray, stiff: float = _STIFFER) -> Iterator[_Motions]:
     """The softest motions of each interface's loads, stiffer ones too, at the same energy, where that adds any.
 
     Of all together the softest may be those of other arms than the one that evades sideways. Stiff motions at large
     turns of their own would outweigh all others, under loads that no body bears.
     """
     for own in np.arange(loads.shape[1]).reshape(2, -1, 3).swapaxes(0, 1).reshape(-1, 6):
-        fields, energy = softest_motions(matrices, loads[:, own], _STIFFER)
+        fields, energy = softest_motions(matrices, loads[:, own], stiff)
         known = own.size == loads.shape[1] and softest_motions(matrices, loads)[1].size
         if energy.size > known:
             first = energy[0] * _OWN_TURN**2 / own_spin(matrices.model.mesh, fields[:, :1])

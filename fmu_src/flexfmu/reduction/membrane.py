@@ -11,7 +11,7 @@ material by far more than the square of its angle stay coordinates, and the ener
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations_with_replacement
 from typing import Literal
@@ -23,7 +23,7 @@ from ..fe.gradients import mean_spin
 from ..files.basics import FloatArray, IntArray, ModelError
 from ..files.store import content_key
 from ..model.inertia import Membrane
-from ..model.reduced_body import ReducedBody
+from ..model.reduced_body import ReducedBody, Shadow
 from .basis import TENSE, TURNING, Matrices
 from .fourth_order import STIFF, FourthOrder, energy_shares, turning_scale
 from .modes import Modes
@@ -201,7 +201,10 @@ class Stretching:
         unit, count = self._shapes / self._omega, self.loads.shape[1] // 2
         # Motions of unit energy, and the forces that cause them.
         forces, sizes, found = np.linalg.svd(self.loads[:, :count].T @ unit, full_matrices=False)
-        forces, found = (forces / sizes)[:, sizes > _SOFT * sizes[0]], found[sizes > _SOFT * sizes[0]]
+        kept = sizes > _SOFT * sizes[0]
+        if not kept.any():
+            return membrane
+        forces, found = forces[:, kept] / sizes[kept], found[kept]
         turned, axes = np.linalg.eigh(found @ self._spin @ found.T)
         axes = axes[:, turned > STIFF * turned[-1]][:, -_SOFTEST:]
         size = _TURN / np.sqrt(turned[-axes.shape[1] :])
@@ -255,11 +258,7 @@ class Stretching:
 
 
 def membrane_energy(
-    stretching: Stretching,
-    modes_key: str,
-    wanted: bool | Literal["auto", "finer"],
-    keep_shapes: bool,
-    places: Callable[[Membrane], ReducedBody] | None,
+    stretching: Stretching, modes_key: str, wanted: bool | Literal["auto", "finer"], keep_shapes: bool
 ) -> Membrane | None:
     """Stretches of a body, where it stretches when it bends or the body file asks for them.
 
@@ -272,8 +271,6 @@ def membrane_energy(
         As of `BodyOptions`.
     keep_shapes : bool
         As of `Stretching.membrane`.
-    places : callable or None
-        The body with a membrane energy, of a shadow that is to know what its places miss at third order.
 
     Returns
     -------
@@ -294,21 +291,27 @@ def membrane_energy(
         return None
     key = content_key(__name__, modes_key, stretching.loads, stretching.tied, keep_shapes, stretched, flattened, least)
 
-    def kept(key: str, title: str, find: Callable[[], Membrane]) -> Membrane:
-        return Membrane(**matrices.store.arrays(key, title, report, lambda: asdict(find())))
-
     find = partial(stretching.membrane, stretched, flattened, keep_shapes, least)
-    membrane = kept(key, "membrane energy", find)
-    if places is not None:
-        body = places(membrane)
-        key = content_key(
-            __name__, key, body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
-        )
-        membrane = kept(key, "what places miss at third order", partial(stretching.third_order, membrane, body))
+    membrane = _kept(matrices, key, "membrane energy", find)
     if not membrane.sign.size:
         return None
     report.detail(membrane.words)
     return membrane
+
+
+def completed_shadow(stretching: Stretching, modes_key: str, shadow: Shadow) -> Shadow:
+    """A shadow that has as energy what its places miss at third order."""
+    body, modes = shadow.body, shadow.body.mode_count
+    membrane = body.membrane or Membrane(np.zeros((0, modes, modes)), np.zeros((0, modes)), np.zeros(0))
+    places = body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
+    key = content_key(__name__, "third order", modes_key, stretching.loads, membrane.quadratic, *places)
+    find = partial(stretching.third_order, membrane, body)
+    found = _kept(stretching.matrices, key, "what places miss at third order", find)
+    return replace(shadow, body=replace(body, membrane=found))
+
+
+def _kept(matrices: Matrices, key: str, title: str, find: Callable[[], Membrane]) -> Membrane:
+    return Membrane(**matrices.store.arrays(key, title, matrices.report, lambda: asdict(find())))
 
 
 def _taken(along: bool) -> str:

@@ -42,7 +42,7 @@ from .bodies import (
 )
 from .cut.cut import Spring, ground_springs
 from .masses import Centre, element_lumps, lumped_mass, mass_centres, sub_masses
-from .membrane import Stretching, membrane_energy
+from .membrane import Stretching, completed_shadow, membrane_energy
 from .model import Model
 from .modes import Modes, frequency_spread
 from .options import BodyOptions, BodyUse, element_set
@@ -86,6 +86,8 @@ class Reduced:
         Makes the same with its shadow.
     opened : Shadow, optional
         Another shadow, with loops through supports opened.
+    third : callable, optional
+        Makes its shadow with the energy of what places miss at third order.
     """
 
     body: ReducedBody
@@ -96,6 +98,7 @@ class Reduced:
     span: FloatArray
     certified: Callable[[], "Reduced"]
     opened: Shadow | None = None
+    third: Callable[[], Shadow] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +174,11 @@ def reduced_piece(
             finer, finer_basis = _shadow(divided, basis, every, body.membrane is not None)
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
         found = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, own))
-        return replace(piece, body=replace(body, shadow=Shadow(finer, found)), shadow_work=warping.T @ shapes)
+        shadow = Shadow(finer, found)
+        held = finer.ties is None and not cut and bool(np.all(finer.angular_frequency > 0.0))
+        stretching = Stretching(finer_basis.matrices, finer_basis.modes, loads)
+        third = partial(completed_shadow, stretching, finer_basis.key, shadow) if held else None
+        return replace(piece, body=replace(body, shadow=shadow), shadow_work=warping.T @ shapes, third=third)
 
     piece = Reduced(body, work, work, fine, own, span, certified)
     return piece
@@ -185,8 +192,9 @@ def _shadow(divided: _Divided, basis: _Basis, every: FloatArray, stretches: bool
     def kept(name: str, find: Callable[..., FloatArray], key: object, *more: Any) -> FloatArray:
         return matrices.kept(content_key(__name__, name, key, loads), name, partial(find, matrices, *more))
 
-    far = divided.config.far
-    added = [every, kept("shapes of third order", third_order_loads, (basis.key, far), basis.modes, loads, *THIRD[far])]
+    far, cut = divided.config.far, divided.cut
+    third = partial(kept, "shapes of third order", third_order_loads, (basis.key, far, cut), basis.modes, loads)
+    added = [every, third(*THIRD[far], cut)]
     added.append(kept("shapes of buckling", buckling_loads, matrices.key, loads))
     if stretches and not divided.cut:
         added.append(kept("displacements of second order", turning_loads, matrices.key, loads))
@@ -213,7 +221,7 @@ def _reduced(divided: _Divided, basis: _Basis) -> ReducedBody:
         second, curvature = _second_order(divided, basis, lump_centres)
         if inertia is not None:
             inertia = replace(inertia, curvature=curvature)
-        membrane = _membrane(divided, basis, loads, second)
+        membrane = _membrane(divided, basis, loads)
     parts = _parts(divided, basis, loads, second)
     return _made(divided, basis, inertia=inertia, ties=_springs(divided, basis), membrane=membrane, **parts)
 
@@ -264,7 +272,7 @@ def _with_modes(divided: _Divided, matrices: Matrices, every: FloatArray) -> _Ba
     # Sections would be too stiff against each other with the static shapes alone that loads need most.
     modes, key = modal_basis(replace(wanted, by_need=False) if divided.cut else wanted, matrices, every, residual)
     if wanted.by_need and Data.SECOND_ORDER in stored:
-        modes, key = with_third_order(matrices, modes, key, divided.unit_loads(), divided.config.far)
+        modes, key = with_third_order(matrices, modes, key, divided.unit_loads(), divided.config.far, divided.cut)
     _tell(modes, matrices.report)
     _tell_coarse(divided.model, modes, matrices.report)
     return _Basis(matrices, modes, key, frame_operators(divided.model.mesh.points, modes.shapes, divided.subdomains))
@@ -409,16 +417,10 @@ def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) 
     return SecondOrder(displacement, rotation), every.displacement[lumped]
 
 
-def _membrane(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOrder) -> Membrane | None:
+def _membrane(divided: _Divided, basis: _Basis, loads: FloatArray) -> Membrane | None:
     """The energy of fourth order, where it is wanted and the body holds any; parts of a cut one keep no shapes."""
     stretching = Stretching(basis.matrices, basis.modes, loads, bool(divided.springs))
-
-    def places(membrane: Membrane) -> ReducedBody:
-        return _made(divided, basis, second=second, membrane=membrane)
-
-    wanted, still = divided.config.membrane, bool(np.all(basis.modes.angular_frequency > 0.0))
-    third = places if wanted == "finer" and still and not divided.cut and not divided.springs else None
-    membrane = membrane_energy(stretching, basis.key, wanted, not divided.cut, third)
+    membrane = membrane_energy(stretching, basis.key, divided.config.membrane, not divided.cut)
     if membrane is not None and divided.open_loops:
         count, do = len(divided.subdomains), 'take frames = 1, or cut = "auto"'
         basis.matrices.report.warning(f"{count} frames open a loop that stretches, one frame keeps it closed: {do}")
