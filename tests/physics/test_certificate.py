@@ -371,12 +371,12 @@ def test_an_error_of_more_than_a_tenth_has_no_bound_that_says_the_same(built, tm
 @pytest.mark.slow
 def test_on_springs_a_bound_counts_the_order_after_the_second():
     """A shadow in one piece that is held knows it."""
-    support = Support("ROOT", stiffness=[1e11] * 3, rotational_stiffness=[1e9] * 3)
+    support = Support("ROOT", stiffness=[1e11] * 3)
     model = Body(gutter().mesh, supports=[support], interfaces={"tip": "TIP"}).build(surface=False)
     loads = {"tip": (0.0, 300.0, 0.0)}
     state = model.static(loads)
     told = model.error(state, loads)
-    assert told.bound > 1.3 * told.relative + 4.0 * model.core.strain(state.q) ** 2 + 2e-4
+    assert told.bound > 1.3 * told.relative + 4.0 * model.core.strain(state.q) ** 2 + 6e-4
 
 
 def test_without_a_limit_nothing_is_written_and_steps_are_the_same(one_frame, tmp_path):

@@ -81,7 +81,7 @@ def test_a_boom_on_a_stay_is_near_its_critical_load_where_it_is_pressed_and_not_
     height = 0.012 * np.clip(z, 0.0, 1.0) + between + 0.006 * np.clip(z - 2.0, 0.0, 1.0)
     mesh = replace(mesh, points=np.stack([0.05 * x, 0.014 * y, height], axis=1))
     mesh = with_sets(mesh, ROOT=lambda p: p[:, 0], TIP=lambda p: p[:, 0] - 0.55)
-    body = FlexibleBody(reduce_body(body_file(mesh, tmp_path, interface=["TIP"]), Reporter()))
+    body = FlexibleBody(reduce_body(body_file(mesh, tmp_path, interface=["TIP"], cut=[]), Reporter()))
     found = {}
     for case, force in {"aside": [0.0, 500.0, 0.0], "pressed": [-6000.0, 0.0, 0.0]}.items():
         state, inputs = body.static({"tip": force}), np.array([*force, 0.0, 0.0, 0.0])

@@ -213,7 +213,7 @@ def test_places_of_third_order_are_those_that_the_tree_makes(kept, tmp_path):
     assert np.abs(reduced.second.displacement).max() > 0.0
     if kept:
         linear = np.eye(1, reduced.mode_count) * reduced.angular_frequency / np.sqrt(2.0)
-        random = np.random.default_rng(1).standard_normal((1, reduced.mode_count, reduced.mode_count))
+        random = 1e3 * np.random.default_rng(1).standard_normal((1, reduced.mode_count, reduced.mode_count))
         reduced = replace(reduced, membrane=Membrane(random + random.swapaxes(1, 2), linear, np.ones(1)))
     core = FlexibleBody(reduced, "second_order").core
     q = 1e-2 / np.arange(1.0, reduced.mode_count + 1)
@@ -254,3 +254,23 @@ def test_a_part_that_is_pressed_along_itself_has_the_shape_by_which_it_bends_mor
     held, whole = model.unknowns.of(shapes).T @ force, force.T @ model.static(force)
     missed = 1.0 - (held**2).sum() / whole.item()
     assert (missed < 1e-5) == part
+
+
+def test_displacements_of_second_order_that_are_known_do_no_work_of_third(tmp_path):
+    """Nor does what stress that turns sets free, where the basis has it."""
+    matrices, loads = matrices_and_loads(arc(ElementType.C3D20, (4, 1, 1), 1.0, 0.2, angle=1.2), tmp_path)
+    model, mesh, pair = matrices.supported, matrices.model.mesh, np.array([[0, 0]])
+    field = model.whole(model.static(model.forces(loads[:, [2]])))
+    turned = stress_stiffness(mesh, field[:, 0]) @ field
+    forces = np.hstack([quadratic_strain(mesh, field, pair, tell_nobody)[0], turned])
+    moved = model.whole(model.static(model.forces(forces)))
+    (strained, freed), pulled = (turned.T @ moved)[0], turned.T @ moved[:, 1:]
+    assert 0.01 < abs(0.5 * freed / strained) < 100.0
+    every = moved / np.sqrt(np.diag(forces.T @ moved))
+    for basis, known, expected in (
+        (every[:, :0], np.zeros((0, 0)), strained + 0.5 * pulled.item()),
+        (every[:, 1:], np.zeros((1, 0)), strained),
+        (every[:, :1], np.ones((1, 1)), 0.5 * (freed - (turned.T @ every[:, 0]).item() ** 2)),
+    ):
+        work = FourthOrder(matrices).third_order_work(field, pair, basis, known)
+        assert work.item() == pytest.approx(expected, rel=1e-6, abs=0.0)
