@@ -43,8 +43,11 @@ void asked(const Wiring *wiring, const double *signals, const double *before, in
     take_exchange(&arena, wiring, &exchange);
     double *start = room(&arena);
     take_exchange(&arena, wiring, &exchange);
-    if (before) coupled_inputs(wiring, &exchange, signals, before, (Dampers)what, out);
-    else round_off(wiring, &exchange, signals, (int)what, out);
+    if (before) {
+        /* What was asked before, with dampers, changes nothing. */
+        coupled_inputs(wiring, &exchange, signals, before, DAMPERS_MEAN, out);
+        coupled_inputs(wiring, &exchange, signals, before, (Dampers)what, out);
+    } else round_off(wiring, &exchange, signals, (int)what, out);
     free(start);
 }
 """
@@ -80,7 +83,7 @@ def core():
     words = [*system_compiler(), *flags, "-shared", "-o", folder / "core.so", *files, "-lm"]
     subprocess.run(list(map(str, words)), check=True)
     found = ctypes.CDLL(str(folder / "core.so"))
-    found.joint_energy.restype = found.joint_losses.restype = c_double
+    found.joint_energy.restype = found.joint_losses.restype = found.smallest_real_part.restype = c_double
     return found
 
 
@@ -131,6 +134,19 @@ def energy(springs, motion):
 def losses(springs, motion, before, step):
     arrays = Arrays()
     return core().joint_losses(_joints(springs, motion, arrays), *_at(arrays, motion, before), c_double(step))
+
+
+def smallest_real_part(matrix):
+    return core().smallest_real_part(*_at(Arrays(), matrix), c_int64(len(matrix)))
+
+
+def smallest_eigen(matrix):
+    """Eigenvalue and vector."""
+    n = len(matrix)
+    work, value, vector = np.zeros(4 * n + 2), np.zeros(1), np.zeros(n)
+    outs = (c_void_p(out.ctypes.data) for out in (work, value, vector))
+    core().smallest_eigen(*_at(Arrays(), matrix), *outs, c_int64(n), None)
+    return value[0], vector
 
 
 def base_inputs(wiring, time, step, before=False):

@@ -306,6 +306,18 @@ def test_velocities_come_from_outputs_where_there_are_some_and_from_differences_
     assert asked["leg.port_1.force.y"] == pytest.approx(2.0)
 
 
+def test_springs_alone_hold_what_they_do_without_any_damper(folder):
+    joint = SPRING.format(a="arm.port_0", b="leg.port_1", k=[100.0] * 6)
+    plain, damped = (wire(read(folder, content(rest=joint + more))) for more in ("", f"damping = {[10.0] * 6}"))
+    before, now = np.zeros(plain.matrix.shape[1]), np.zeros(plain.matrix.shape[1])
+    now[0] = 1e-3
+    expected = coupled_inputs(plain, now, before, 0.01)
+    assert np.abs(expected).max() == pytest.approx(0.1)
+    assert np.abs(coupled_inputs(damped, now, before, 0.01) - expected).max() == pytest.approx(1.0)
+    none = 2
+    np.testing.assert_array_equal(coupled_inputs(damped, now, before, 0.01, none), expected)
+
+
 # Springs.
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bodies import random_body
+from bodies import random_body, random_ties
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.model.reduced_body import GROUND, Ties
 from flexfmu.reduction.cut import joining
@@ -17,6 +17,10 @@ from flexfmu.reduction.cut import joining
 INERTIA, SPRING, LEVER = 0.5, 4000.0, 0.1
 # Of all springs against a small turn, N m/rad.
 STIFFNESS = 2.0 * SPRING * LEVER**2
+SHAPES = (
+    *("interface_displacement", "interface_rotation"),
+    *("joint_displacement", "joint_rotation", "frame_rotation"),
+)
 
 
 def turning(shape, squares, ratio, ends):
@@ -166,3 +170,27 @@ def test_springs_of_a_joint_take_their_share_of_what_a_load_moves():
     for stiffness in joining._stiffness(np.eye(12), gap, np.eye(12)[:6]):
         # Forces and moments have half of the share each.
         assert 0.5**2 / stiffness / 0.5 == pytest.approx(0.5 * joining._SHARE, rel=1e-9)
+
+
+def test_a_step_tells_the_same_error_whatever_the_unit_of_mass():
+    """A spring along an axis says nothing of another one, however soft: all that it does goes with the mass."""
+    limits, told, reached = StepLimits(tolerance=10.0), [], []
+    for scale in (1.0, 1e-4):
+        root = np.sqrt(scale)
+        model = replace(random_ties(random_body(3, parents=(GROUND, 0), interface_frame=(1,)), 3), second=None)
+        shapes = {name: getattr(model, name) / root for name in SHAPES}
+        ties = model.ties
+        ties = replace(
+            ties,
+            displacement=ties.displacement / root,
+            rotation=ties.rotation / root,
+            stiffness=scale * ties.stiffness,
+        )
+        body = FlexibleBody(replace(model, ties=ties, **shapes), limits=limits)
+        start = State(root * np.full(6, 0.01), root * np.linspace(-1.0, 1.0, 6))
+        state, work = body.step_with_work(start, {"port_0": scale * np.array([3.0, -2.0, 1.0, 0.2, 0.3, 0.1])}, 5e-3)
+        told.append(work.error)
+        reached.append(state.q / root)
+    assert told[0] > 1e-4
+    assert told[1] == pytest.approx(told[0], rel=1e-7)
+    np.testing.assert_allclose(reached[1], reached[0], rtol=1e-8, atol=1e-12)

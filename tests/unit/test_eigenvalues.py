@@ -1,0 +1,55 @@
+"""Eigenvalues that tell whether a body is stable: those of any matrix, and the smallest of a symmetric one."""
+
+import numpy as np
+import pytest
+
+from coupling_core import smallest_eigen, smallest_real_part
+
+SIZES = pytest.mark.parametrize("size", [1, 2, 3, 4, 7, 12])
+
+
+def with_blocks(blocks, random):
+    """A matrix of no symmetry that has the eigenvalues of 1 x 1 and 2 x 2 blocks."""
+    size = sum(len(block) for block in blocks)
+    matrix, at = np.triu(random.standard_normal((size, size)), 1), 0
+    for block in blocks:
+        matrix[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
+    basis = np.linalg.qr(random.standard_normal((size, size)))[0]
+    return basis @ matrix @ basis.T
+
+
+@SIZES
+def test_the_smallest_of_real_eigenvalues_is_found(size, random):
+    values = random.uniform(0.5, 2.0, size)
+    for k in range(size):
+        values[k] = -1.0
+        matrix = with_blocks([[[value]] for value in values], random)
+        assert smallest_real_part(matrix.copy()) == pytest.approx(-1.0, rel=1e-9)
+        values[k] = 1.0
+
+
+@pytest.mark.parametrize("real", [0, 1, 4])
+def test_a_pair_that_vibrates_counts_by_how_it_grows(real, random):
+    pairs = [np.array([[rate, fast], [-fast, rate]]) for rate, fast in ((0.3, 5.0), (-0.2, 40.0), (0.1, 2.0))]
+    matrix = with_blocks([*pairs, *([[value]] for value in random.uniform(0.0, 1.0, real))], random)
+    assert smallest_real_part(matrix.copy()) == pytest.approx(-0.2, rel=1e-9)
+
+
+@SIZES
+@pytest.mark.parametrize("shift", [0.0, 3.0, -1e3])
+def test_eigenvalues_on_a_circle_are_found_wherever_it_lies(size, shift):
+    """Steps that such a matrix suggests lead nowhere: all of its eigenvalues have the same size."""
+    matrix = np.roll(np.eye(size), 1, axis=0) + shift * np.eye(size)
+    expected = shift + np.cos(2.0 * np.pi * np.arange(size) / size).min()
+    assert smallest_real_part(matrix.copy()) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+@SIZES
+def test_the_smallest_eigenvalue_of_a_symmetric_matrix_and_its_vector(size, random):
+    matrix = random.standard_normal((size, size))
+    matrix += matrix.T
+    values, vectors = np.linalg.eigh(matrix)
+    value, vector = smallest_eigen(matrix.copy())
+    assert value == pytest.approx(values[0], rel=1e-12)
+    assert abs(vector @ vectors[:, 0]) == pytest.approx(1.0, rel=1e-12)
