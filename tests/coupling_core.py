@@ -20,6 +20,7 @@ FILES = ("vectors", "algebra", "joints", "acceleration", "exchange", "doubts", "
 # Calls with the work arrays that they need.
 MORE = """
 #include <stdlib.h>
+#include <string.h>
 #include "doubts.h"
 static double *room(Arena *arena) {
     *arena = (Arena){calloc((size_t)arena->used + 1, 8), 0, arena->used, 0};
@@ -49,6 +50,30 @@ void asked(const Wiring *wiring, const double *signals, const double *before, in
         coupled_inputs(wiring, &exchange, signals, before, (Dampers)what, out);
     } else round_off(wiring, &exchange, signals, (int)what, out);
     free(start);
+}
+int64_t resolved(const Wiring *wiring, const double *signals, int64_t steps, double *out) {
+    Arena arena = {0};
+    Resolution resolution;
+    Notice told;
+    take_resolution(&arena, wiring, &resolution);
+    double *start = room(&arena);
+    take_resolution(&arena, wiring, &resolution);
+    int64_t step = 0;
+    while (step < steps && !look_at_resolution(&resolution, wiring, signals + step * wiring->signals, &told)) step++;
+    free(start);
+    if (step == steps) return -1;
+    out[0] = (double)told.who;
+    memcpy(out + 1, told.figures, sizeof told.figures);
+    return step;
+}
+int64_t grown(const EnergyCount *counts, int64_t steps) {
+    Growth growth;
+    Notice told[2];
+    int grows = 0;
+    int64_t step = 0;
+    begin_growth(&growth);
+    for (; step < steps && !grows; step++) look_at_growth(&growth, counts + step, told, &grows);
+    return grows ? step : -1;
 }
 """
 
@@ -83,6 +108,7 @@ def core():
     words = [*system_compiler(), *flags, "-shared", "-o", folder / "core.so", *files, "-lm"]
     subprocess.run(list(map(str, words)), check=True)
     found = ctypes.CDLL(str(folder / "core.so"))
+    found.resolved.restype = found.grown.restype = c_int64
     found.joint_energy.restype = found.joint_losses.restype = found.smallest_real_part.restype = c_double
     return found
 
@@ -136,8 +162,28 @@ def losses(springs, motion, before, step):
     return core().joint_losses(_joints(springs, motion, arrays), *_at(arrays, motion, before), c_double(step))
 
 
+def resolved(wiring, signals, step):
+    """Step (from zero) at which motion (steps, signals) is told to be too fast; which end, steps a period, and lag."""
+    arrays, out = Arrays(), np.zeros(3)
+    place = ctypes.byref(wired(wiring, step, arrays))
+    at = core().resolved(place, *_at(arrays, signals), c_int64(len(signals)), c_void_p(out.ctypes.data))
+    return at, out
+
+
+def grown(energies):
+    """Steps after which a coupling with energies (steps, 4) created, stored, exchanged and in springs is stopped."""
+    return core().grown(*_at(Arrays(), energies), c_int64(len(energies)))
+
+
 def smallest_real_part(matrix):
     return core().smallest_real_part(*_at(Arrays(), matrix), c_int64(len(matrix)))
+
+
+def congruent(lower, matrix):
+    """L⁻¹ A L⁻ᵀ."""
+    found = matrix.copy()
+    core().congruent(*_at(Arrays(), lower), c_void_p(found.ctypes.data), c_int64(len(lower)), None)
+    return found
 
 
 def smallest_eigen(matrix):

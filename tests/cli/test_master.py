@@ -11,11 +11,13 @@ from coupling_core import (
     base_inputs,
     coupled_inputs,
     energy,
+    grown,
     loads,
     losses,
     noise,
     quasi_newton_update,
     relative_motion,
+    resolved,
     tangent,
 )
 from flexfmu.files.basics import OutputError, SimulationError
@@ -308,14 +310,56 @@ def test_velocities_come_from_outputs_where_there_are_some_and_from_differences_
 
 def test_springs_alone_hold_what_they_do_without_any_damper(folder):
     joint = SPRING.format(a="arm.port_0", b="leg.port_1", k=[100.0] * 6)
-    plain, damped = (wire(read(folder, content(rest=joint + more))) for more in ("", f"damping = {[10.0] * 6}"))
+    plain, damped = (wire(read(folder, content(rest=joint + more))) for more in ("", f"damping = {[1.0] * 6}"))
     before, now = np.zeros(plain.matrix.shape[1]), np.zeros(plain.matrix.shape[1])
     now[0] = 1e-3
     expected = coupled_inputs(plain, now, before, 0.01)
     assert np.abs(expected).max() == pytest.approx(0.1)
-    assert np.abs(coupled_inputs(damped, now, before, 0.01) - expected).max() == pytest.approx(1.0)
+    assert np.abs(coupled_inputs(damped, now, before, 0.01) - expected).max() == pytest.approx(0.1)
     none = 2
     np.testing.assert_array_equal(coupled_inputs(damped, now, before, 0.01, none), expected)
+
+
+# Doubts.
+
+
+def shaken(folder, *motions):
+    """What is told of steps in which signals of two ends move: end, signal of its six, and values (steps,)."""
+    wiring = wire(read(folder, content(rest=SPRING.format(a="arm.port_0", b="leg.port_1", k=[100.0] * 6))))
+    signals = np.zeros((len(motions[0][2]), wiring.matrix.shape[1]))
+    for end, signal, values in motions:
+        signals[:, wiring.ends.motion[end, signal]] = values
+    return resolved(wiring, signals, 0.01)
+
+
+def test_the_end_that_steps_do_not_resolve_is_told_with_its_period_however_slowly_others_move(folder):
+    steps = np.arange(200.0)
+    slow, fast = np.sin(0.02 * steps), 0.01 * np.sin(0.7 * steps)
+    assert shaken(folder, (0, 1, slow), (1, 1, slow))[0] == -1
+    for signal in (1, 4):
+        step, (end, period, lag) = shaken(folder, (0, 5 - signal, slow), (1, 5 - signal, slow), (1, signal, fast))
+        assert step == 23
+        assert end == 1
+        assert period == pytest.approx(2.0 * np.pi / (2.0 * np.sin(0.35)), rel=0.02)
+        assert lag == pytest.approx(24.0 * (2.0 * np.sin(0.35)) ** 3 / 12.0, rel=0.1)
+
+
+def test_a_vibration_lags_as_long_as_it_lasts(folder):
+    steps = np.arange(300.0)
+    begun = np.maximum(steps - 40.0, 0.0)
+    lasting, dying = np.sin(0.3 * begun), np.sin(0.3 * begun) * np.exp(-begun / 8.0)
+    # Each step by the cube of 0.3 over 12; from 0.2 rad on it is told.
+    assert shaken(folder, (0, 1, lasting))[0] - 40 == pytest.approx(0.2 / (0.3**3 / 12.0), rel=0.1)
+    assert shaken(folder, (0, 1, dying))[0] == -1
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_a_coupling_that_diverges_is_stopped_after_six_steps_of_such_growth_whatever_it_moves(size):
+    stored = size * 5.0 ** np.arange(12)
+    energies = np.column_stack([0.5 * stored, stored, stored, stored])
+    assert grown(energies) == 7
+    energies[:, 3] = size * 3.0 ** np.arange(12)
+    assert grown(energies) > 7
 
 
 # Springs.

@@ -172,6 +172,9 @@ def test_the_surfaces_of_both_sides_of_a_cut_stay_together(cut):
     pairs = np.array([pair for pair in pairs if len(pair) == 2])
     # Four corners of the section, seen from either side.
     assert len(np.unique(pairs)) == 8
+    # Faces have their corners on one part, none farther from the next than an element is long.
+    assert sorted(np.unique(surface.faces)) == list(range(len(surface.points)))
+    assert np.ptp(surface.points[surface.faces], axis=1).max() < 0.0201
     largest = np.linalg.norm(moved, axis=1).max()
     assert largest > 0.008
     apart = np.linalg.norm(np.diff(moved[pairs], axis=1), axis=2).max()

@@ -96,6 +96,12 @@ def test_a_column_under_a_follower_force_flutters_at_beck_s_load(cantilever, met
     # A tenth beyond, vibrations double in 5 ms; a tenth below, their size stays.
     assert abs(largest_growth(body, 0.9 * low)) < 15.0
     assert largest_growth(body, 1.1 * low) == pytest.approx(139.0, rel=0.1)
+    # What is told is the rate of growth over the lowest frequency; dampers that all modes share take half their rate.
+    omega = body.model.angular_frequency
+    assert -omega[0] * margin(1.1 * low) == pytest.approx(139.0, rel=0.1)
+    damped = FlexibleBody(replace(body.model, damping_ratio=60.0 / omega), method)
+    force = np.array([-1.1 * low * BENDING, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert -omega[0] * damped.stability(rest, force)[0] == pytest.approx(139.0 - 60.0, rel=0.15)
 
 
 @pytest.mark.slow

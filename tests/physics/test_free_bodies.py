@@ -18,6 +18,7 @@ from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
 from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction.options import Basis
+from flexfmu.reduction.subdomains import hinge_frame
 from meshes import STEEL, body_file, box
 from references import BEAM, relative
 from turns import exponential
@@ -239,6 +240,20 @@ def hinged_beam(config, support):
         return FlexibleBody(build.reduce_body(config.model_copy(update=changes), Reporter()))
     finally:
         build.read_mesh = original
+
+
+def test_the_frame_of_a_body_on_a_hinge_turns_with_it_and_what_is_no_hinge_has_none():
+    mesh = box(ElementType.C3D20, (4, 1, 1), (1.0, 0.1, 0.2))
+    x, y, z = mesh.points.T
+    axis = np.array([0.0, 0.0, 3.0])
+    turning, slide = np.cross(axis, mesh.points), np.tile([0.0, 1.0, 0.0], (len(x), 1))
+    found = hinge_frame(mesh, turning.reshape(-1, 1))
+    np.testing.assert_allclose(found.rotation.of(turning.reshape(-1, 1)).ravel(), axis, atol=1e-9)
+    assert sorted(found.joint.nodes) == list(np.flatnonzero((x == 0.0) & (y == 0.0)))
+    # All nodes move; and nodes at x = 0 stand still while all else bends or stretches away from them.
+    bent, stretched = np.column_stack([0.0 * x, x**2, 0.0 * z]), np.column_stack([x, 0.0 * y, 0.0 * z])
+    for motion in (slide, turning + slide, bent, stretched):
+        assert hinge_frame(mesh, motion.reshape(-1, 1)) is None
 
 
 def test_no_equilibrium_is_promised_to_a_body_that_can_float_away(floating):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coupling_core import smallest_eigen, smallest_real_part
+from coupling_core import congruent, smallest_eigen, smallest_real_part
 
 SIZES = pytest.mark.parametrize("size", [1, 2, 3, 4, 7, 12])
 
@@ -53,3 +53,13 @@ def test_the_smallest_eigenvalue_of_a_symmetric_matrix_and_its_vector(size, rand
     value, vector = smallest_eigen(matrix.copy())
     assert value == pytest.approx(values[0], rel=1e-12)
     assert abs(vector @ vectors[:, 0]) == pytest.approx(1.0, rel=1e-12)
+
+
+@SIZES
+def test_a_stiffness_over_another_is_symmetric_and_has_the_eigenvalues_of_both(size, random):
+    roots = random.standard_normal((2, size, size))
+    tangent, unloaded = roots @ roots.swapaxes(1, 2) + [[[-1.0]], [[1.0]]] * np.eye(size)
+    lower = np.linalg.cholesky(unloaded)
+    found = congruent(lower, tangent)
+    np.testing.assert_allclose(found, found.T, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(lower @ found @ lower.T, tangent, rtol=1e-10, atol=1e-12)

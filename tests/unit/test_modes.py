@@ -12,7 +12,7 @@ from flexfmu.files.basics import AccuracyError, BodyFileError, ModelError
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material, Mesh
-from flexfmu.reduction.modes import Modes, frequency_spread, normal_modes, with_residual_flexibility
+from flexfmu.reduction.modes import Modes, chosen_modes, frequency_spread, normal_modes, with_residual_flexibility
 from flexfmu.reduction.supported import eliminated, supported
 from meshes import EVERY_TYPE, STEEL, box, held, lattice, renumbered, with_sets
 
@@ -175,6 +175,10 @@ def test_a_pair_torn_apart_by_the_number_of_modes_is_told():
     square = clamped(BRICK, *BEAM)
     assert [reduced(square, count).modes.splits_pair for count in (1, 2, 3, 4)] == [True, False, True, False]
     assert not reduced(clamped(BRICK, *UNEQUAL), 1).modes.splits_pair
+    # As it is where the numbers are a list: of 0 and 1, and of 2 and 3, neither goes without the other.
+    modes = reduced(square, 4).modes
+    torn = {(0, 1): False, (0,): True, (1, 2, 3): True, (0, 1, 3): True, (2, 3): False}
+    assert {chosen: chosen_modes(modes, np.array(chosen)).splits_pair for chosen in torn} == torn
 
 
 def test_more_modes_than_degrees_of_freedom_are_refused_with_their_number():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexfmu.mesh.model import Along, SpringDamper
-from flexfmu.reduction.bushings import Bushings, SpringReading
+from flexfmu.reduction.bushings import Bushings, SpringReading, _turn, _vector
 from turns import exponential
 
 NONE = np.zeros(0, dtype=np.int64)
@@ -97,3 +97,12 @@ def test_curvature_is_the_second_derivative_of_what_rows_read(points, along):
     second = (found(size * q) + found(-size * q)) / size**2
     expected = np.einsum("kab,a,b->k", bushings.curvature(shapes), q, q)
     np.testing.assert_allclose(second, expected, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("size", [1e-12, 3e-5, 0.99e-4, 1.01e-4, 0.1, 2.0])
+def test_turns_of_any_size_are_those_of_their_rotation_vectors(size):
+    """Next to none they come from a series, which is as exact as what goes on from there."""
+    vectors = np.random.default_rng(0).normal(size=(20, 3))
+    vectors *= size / np.linalg.norm(vectors, axis=1)[:, None]
+    np.testing.assert_allclose(_turn(vectors), exponential(vectors), rtol=0.0, atol=2e-15)
+    np.testing.assert_allclose(_vector(exponential(vectors)), vectors, rtol=0.0, atol=2e-15)
