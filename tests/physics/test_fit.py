@@ -1,12 +1,14 @@
 """The smallest model that a scene allows."""
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody
+from flexfmu.body.reference_loads import reference_loads
 from flexfmu.build.config import read_body_file
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.outputs import Reporter
@@ -289,3 +291,20 @@ def test_where_no_model_meets_the_tolerance_that_is_said(tmp_path, store):
     assert not found.met
     assert "out of reach with these frames and modes" in (tmp_path / "fitted.toml").read_text(encoding="utf-8")
     assert found.variant.method is not Method.LINEAR
+
+
+def test_reference_loads_do_not_hang_on_round_off_and_go_both_ways(bodies, random):
+    """A bar of square section is equally soft along all axes across it, and each of them has two signs."""
+    body = bodies(BEAM).model
+    found = {name: force for name, _, force in reference_loads(FlexibleBody(body))}
+    assert list(found) == ["tip_1", "tip_1_back", "tip_2", "tip_2_back"]
+    across = found["tip_1"][2]
+    assert across > 0.0
+    for sign, end in ((1.0, ""), (-1.0, "_back")):
+        np.testing.assert_allclose(found[f"tip_1{end}"], [0.0, 0.0, sign * across], atol=1e-3 * across)
+        np.testing.assert_allclose(found[f"tip_2{end}"], [0.0, sign * across, 0.0], rtol=1e-3, atol=1e-3 * across)
+    for _ in range(5):
+        noise = 1.0 + 1e-12 * random.standard_normal(body.interface_displacement.shape)
+        noisy = replace(body, interface_displacement=noise * body.interface_displacement)
+        for name, _, force in reference_loads(FlexibleBody(noisy)):
+            np.testing.assert_allclose(force, found[name], atol=1e-3 * across)

@@ -1,7 +1,7 @@
 """Loads that bend a body as far as it is likely to be bent, where nobody says how far."""
 
 from collections.abc import Iterator
-from contextlib import suppress
+from itertools import product
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from .flexible_body import FlexibleBody
 
 # Reference loads turn an interface by so much (rad), or move it by such a share of the body's size, in linear theory.
 _TURN, _MOVE = 0.5, 0.2
+# Part of its softness that tells one axis from the next, and an entry of an axis that tells its sign.
+_UNLIKE, _LARGE = 1e-6, 0.3
 # A direction that is stiffer by more is not loaded: the body would give way across it first.
 _STIFF = 100.0
 # Where the body has no equilibrium a load is halved, so often at most.
@@ -26,8 +28,13 @@ _NEAR, _ALIKE = 0.25, 0.01
 _SLIGHT = 5e-3
 
 
-def reference_loads(model: FlexibleBody, *others: FlexibleBody) -> Iterator[tuple[str, str, FloatArray]]:
+def reference_loads(
+    model: FlexibleBody, *others: FlexibleBody, back: bool = True
+) -> Iterator[tuple[str, str, FloatArray]]:
     """Forces on each interface across the directions in which it is stiff, as far as the body bears them.
+
+    None of them hangs on round-off, which turns axes that are equally soft, and reverses any. What it never bears is
+    left out.
 
     Parameters
     ----------
@@ -35,6 +42,8 @@ def reference_loads(model: FlexibleBody, *others: FlexibleBody) -> Iterator[tupl
         Held, with its properties.
     *others : FlexibleBody
         That bear them, too.
+    back : bool
+        Whether also the other way: an arch that is pressed is another body than one that is lifted.
 
     Yields
     ------
@@ -48,12 +57,13 @@ def reference_loads(model: FlexibleBody, *others: FlexibleBody) -> Iterator[tupl
     every = body.interface_names, body.interface_displacement, body.interface_rotation
     for name, moved, turned in zip(*every, strict=True):
         gives, turns = ((part / body.angular_frequency**2) @ moved.T for part in (moved, turned))
-        softness, ways = np.linalg.eigh(gives)
+        softness, ways = np.linalg.eigh(gives + _UNLIKE * np.trace(gives) * np.diag([0.0, 1.0, 2.0]))
+        ways *= np.sign(ways[np.argmax(np.abs(ways) > _LARGE, axis=0), range(3)])
         # The stiffest direction of a slender body is along it; a held interface has none that gives.
-        for number in (2, 1):
+        for number, sign in product((2, 1), (1.0, -1.0) if back else (1.0,)):
             if not softness[number] * _STIFF >= softness[2] > 0.0:
                 continue
-            way = ways[:, number]
+            way = sign * ways[:, number]
             force = min(_MOVE * size / softness[number], _TURN / max(float(np.linalg.norm(turns @ way)), 1e-300)) * way
             for _ in range(_HALVES):
                 try:
@@ -63,16 +73,14 @@ def reference_loads(model: FlexibleBody, *others: FlexibleBody) -> Iterator[tupl
                 except EquilibriumError:
                     force = 0.5 * force
             else:
-                if others:
-                    continue
-            yield f"{name}_{3 - number}", name, force
+                continue
+            yield f"{name}_{3 - number}{'' if sign > 0.0 else '_back'}", name, force
 
 
 def _bent(model: FlexibleBody, factor: float) -> Iterator[FloatArray]:
     """So many times the coordinates (m,) under each reference load."""
     for _, name, force in reference_loads(model):
-        with suppress(EquilibriumError):
-            yield factor * model.static({name: force.tolist()}).q
+        yield factor * model.static({name: force.tolist()}).q
 
 
 def keeps_its_mass(body: ReducedBody) -> bool:
