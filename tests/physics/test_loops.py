@@ -112,15 +112,17 @@ def test_what_a_body_s_stretch_holds_is_the_same_in_every_basis(name):
     assert "of flattening, left out" in told[0][0]
 
 
-@pytest.mark.parametrize(("name", "case", "row", "limit"), [("portal", "portal", -1, 2e-3), ("ring", "ring", 5, 4e-3)])
-def test_loops_whose_parts_turn_alike_stay_in_one_piece_with_several_frames(name, case, row, limit):
-    """A body file that says nothing of cuts or frames."""
+@pytest.mark.parametrize(
+    ("name", "row", "limit", "words"), [("portal", -1, 2e-3, "stays in one piece"), ("ring", 5, 2e-3, "it is cut")]
+)
+def test_a_loop_stays_in_one_piece_where_its_parts_turn_alike(name, row, limit, words):
+    """A body file that says nothing of cuts or frames: a ring that is pushed aside one way is off by 1.1 %."""
     body, notes = demo_body(name, cut=None, frames=None)
-    assert body.frame_count > 4
-    assert body.ties is None
-    assert error(body, case, row) < limit
+    assert error(body, name, row) < limit
     (told,) = [text for text in notes if "close a loop" in text]
-    assert "stays in one piece" in told
+    assert words in told
+    assert (body.ties is not None) == ("is cut" in words)
+    assert body.ties is not None or body.frame_count > 4
 
 
 def test_stretch_keeps_a_beam_held_at_both_ends_in_one_piece():
