@@ -26,7 +26,7 @@ from ..model.inertia import Membrane
 from ..model.reduced_body import ReducedBody, Shadow
 from .basis import TENSE, TURNING, Matrices
 from .fourth_order import STIFF, FourthOrder, energy_shares, turning_scale
-from .modes import Modes
+from .modes import Modes, balanced
 from .third_order import missed_energy
 
 # Directions in the coordinates whose pairs are looked at, at least and at most: 666 and 1830 static responses; between
@@ -199,12 +199,13 @@ class Stretching:
     def third_order(self, membrane: Membrane, body: ReducedBody) -> Membrane:
         """The same, and what the places of a body with it miss at third order in its softest motions under forces."""
         unit, count = self._shapes / self._omega, self.loads.shape[1] // 2
-        # Motions of unit energy, and the forces that cause them.
-        forces, sizes, found = np.linalg.svd(self.loads[:, :count].T @ unit, full_matrices=False)
-        kept = sizes > _SOFT * sizes[0]
+        # Motions of unit energy, and the forces that cause them, which no rigid motion feels.
+        ways = balanced(self.matrices.supported, self.matrices.supported.forces(self.loads[:, :count]))
+        forces, sizes, found = np.linalg.svd((self.loads[:, :count] @ ways).T @ unit, full_matrices=False)
+        kept = sizes > _SOFT * sizes.max(initial=0.0)
         if not kept.any():
             return membrane
-        forces, found = forces[:, kept] / sizes[kept], found[kept]
+        forces, found = ways @ forces[:, kept] / sizes[kept], found[kept]
         turned, axes = np.linalg.eigh(found @ self._spin @ found.T)
         axes = axes[:, turned > STIFF * turned[-1]][:, -_SOFTEST:]
         size = _TURN / np.sqrt(turned[-axes.shape[1] :])

@@ -152,7 +152,7 @@ def craig_bampton(model: Supported, chosen: IntArray, interface_loads: FloatArra
     """
     loads = model.forces(interface_loads)
     fixed = chosen_modes(_lowest(model, int(chosen[-1]) + 1, loads), chosen)
-    return _joined(model, fixed, _statics(model, loads @ _balanced(model, loads)))
+    return _joined(model, fixed, _statics(model, loads @ balanced(model, loads)))
 
 
 def with_residual_flexibility(model: Supported, modes: Modes, loads: FloatArray, missed: float = 0.0) -> Modes:
@@ -218,8 +218,8 @@ def _statics(model: Supported, loads: FloatArray) -> FloatArray:
     return shapes
 
 
-def _balanced(model: Supported, loads: FloatArray) -> FloatArray:
-    """Combinations (6I, 6I - r) of the interfaces' unit loads that no rigid motion feels."""
+def balanced(model: Supported, loads: FloatArray) -> FloatArray:
+    """Combinations (l, l - r) of the interfaces' unit loads (k, l) that no rigid motion feels."""
     felt = model.rigid.T @ loads
     count = len(felt)
     if not count:

@@ -175,9 +175,8 @@ def reduced_piece(
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
         found = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, own))
         shadow = Shadow(finer, found)
-        held = finer.ties is None and not cut and bool(np.all(finer.angular_frequency > 0.0))
         stretching = Stretching(finer_basis.matrices, finer_basis.modes, loads)
-        third = partial(completed_shadow, stretching, finer_basis.key, shadow) if held else None
+        third = None if finer.ties or cut else partial(completed_shadow, stretching, finer_basis.key, shadow)
         return replace(piece, body=replace(body, shadow=shadow), shadow_work=warping.T @ shapes, third=third)
 
     piece = Reduced(body, work, work, fine, own, span, certified)
