@@ -21,6 +21,7 @@ FILES = ("vectors", "algebra", "joints", "acceleration", "exchange", "doubts", "
 MORE = """
 #include <stdlib.h>
 #include <string.h>
+#include "algebra.h"
 #include "doubts.h"
 static double *room(Arena *arena) {
     *arena = (Arena){calloc((size_t)arena->used + 1, 8), 0, arena->used, 0};
@@ -66,6 +67,20 @@ int64_t resolved(const Wiring *wiring, const double *signals, int64_t steps, dou
     memcpy(out + 1, told.figures, sizeof told.figures);
     return step;
 }
+int64_t in_pieces(double *a, double *work, double *value, double *vector, int64_t n, int64_t calls, double *costs) {
+    Slice counted = {.until = COUNTS}, slice = {0};
+    smallest_eigen(a, work, value, vector, n, &counted);
+    int64_t call = 0;
+    while (call < 4 * calls && !(call && caught_up(&slice))) {
+        slice.met = 0;
+        slice.fresh = 1;
+        slice.until = counted.whole * (double)++call / (double)calls;
+        smallest_eigen(a, work, value, vector, n, &slice);
+    }
+    costs[0] = counted.whole;
+    costs[1] = slice.spent;
+    return call;
+}
 int64_t grown(const EnergyCount *counts, int64_t steps) {
     Growth growth;
     Notice told[2];
@@ -108,7 +123,7 @@ def core():
     words = [*system_compiler(), *flags, "-shared", "-o", folder / "core.so", *files, "-lm"]
     subprocess.run(list(map(str, words)), check=True)
     found = ctypes.CDLL(str(folder / "core.so"))
-    found.resolved.restype = found.grown.restype = c_int64
+    found.resolved.restype = found.grown.restype = found.in_pieces.restype = c_int64
     found.joint_energy.restype = found.joint_losses.restype = found.smallest_real_part.restype = c_double
     return found
 
@@ -186,13 +201,17 @@ def congruent(lower, matrix):
     return found
 
 
-def smallest_eigen(matrix):
-    """Eigenvalue and vector."""
+def smallest_eigen(matrix, calls=0):
+    """Eigenvalue and vector; of work done by so many calls also how many it took, and its cost counted and spent."""
     n = len(matrix)
-    work, value, vector = np.zeros(4 * n + 2), np.zeros(1), np.zeros(n)
+    work, value, vector, costs = np.zeros(4 * n + 2), np.zeros(1), np.zeros(n), np.zeros(2)
     outs = (c_void_p(out.ctypes.data) for out in (work, value, vector))
-    core().smallest_eigen(*_at(Arrays(), matrix), *outs, c_int64(n), None)
-    return value[0], vector
+    if not calls:
+        core().smallest_eigen(*_at(Arrays(), matrix), *outs, c_int64(n), None)
+        return value[0], vector
+    own = c_void_p(costs.ctypes.data)
+    taken = core().in_pieces(*_at(Arrays(), matrix), *outs, c_int64(n), c_int64(calls), own)
+    return value[0], vector, taken, costs
 
 
 def base_inputs(wiring, time, step, before=False):

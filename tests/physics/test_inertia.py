@@ -307,6 +307,22 @@ def test_a_free_body_that_bends_while_it_spins_keeps_its_momenta_and_energy_to_r
         assert bent > 1e-3 * energy
 
 
+def test_the_error_told_of_a_short_step_is_the_true_one_of_a_free_body_that_spins_and_bends(floating):
+    body = floating(damping_scale=0.0, limits=ONE_STEP, mass=HEAVY)
+    omega = body.model.angular_frequency
+    v = rigid_rotation(body.model, [15.0, 5.0, 30.0])
+    v[6:10] = 10.0 * np.random.default_rng(3).standard_normal(4)
+    start, step = State(np.zeros_like(v), v), 1e-5
+    for _ in range(20):
+        start = body.step(start, {}, 2e-4)
+    end, work = body.step_with_work(start, {}, step)
+    exact = start
+    for _ in range(10):
+        exact = body.step(exact, {}, step / 10)
+    off = np.concatenate([omega * (end.q - exact.q), end.v - exact.v])
+    assert work.error == pytest.approx(np.linalg.norm(off) / np.sqrt(2.0 * sum(body.energies(exact))), rel=0.05)
+
+
 def test_a_spinning_rod_stretches_under_centrifugal_force(floating):
     """u(L/2) = ρ ω² L³/(24 E) at each end, from E u″ = −ρ ω² x with free ends."""
     body = floating(damping_scale=70.0)

@@ -220,6 +220,16 @@ def test_the_error_of_a_step_is_what_the_change_of_all_forces_does_beyond_their_
         assert work.error == pytest.approx(expected, rel=0.01)
 
 
+def test_a_step_settles_in_a_few_rounds_where_all_rates_change_the_momentum():
+    """Each round goes by the mass where the step is foreseen to end."""
+    body = body_of("deformed mass", StepLimits(tolerance=1e9))
+    for seed in range(8):
+        _, start = np.random.default_rng(seed).standard_normal((2, body.core.modes))
+        _, work = body.step_with_work(State(np.zeros_like(start), 300.0 * start), {}, 3e-4)
+        assert work.substeps == 1
+        assert work.iterations <= 10
+
+
 @pytest.mark.parametrize("step", [1e-7, 1e-5])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_step_far_shorter_than_any_period_answers_by_half_its_square(kind, step):

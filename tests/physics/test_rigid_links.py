@@ -16,8 +16,9 @@ from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.equations import RigidLink, recognised
 from flexfmu.mesh.model import PointMass
 from flexfmu.model.rotations import skew
-from flexfmu.reduction.model import assemble_model
+from flexfmu.reduction.model import _link_strains, assemble_model
 from flexfmu.reduction.options import BodyOptions
+from flexfmu.reduction.rigid_nodes import _surroundings, _with_links
 from meshes import box, with_sets
 from reference.rigid_bore import FOLDER, LOADS, RADIUS
 from turns import exponential
@@ -265,3 +266,16 @@ def test_nonlinear_equilibrium_of_the_finite_element_model_keeps_links_rigid():
     before, after = (np.linalg.norm(p[:, None] - p[None], axis=2) for p in (mesh.points[nodes], moved))
     np.testing.assert_allclose(after, before, atol=1e-6 * before.max())
     assert abs(u.reshape(-1, 3)[nodes, 1].mean()) > 0.08
+
+
+def test_a_link_reads_its_strain_times_its_size_and_is_stiff_beside_its_surroundings(random):
+    """E V R / h of what takes part: a cube of steel, and a half of the next one's, whose corners they share."""
+    mesh = box(ElementType.C3D8, (2, 1, 1), (2.0, 1.0, 1.0))
+    cube = RigidLink("cube", np.flatnonzero(mesh.points[:, 0] < 1.5))
+    modulus = mesh.materials[0].youngs_modulus
+    assert _surroundings(mesh, [cube]) == pytest.approx([modulus * 1.5 * 0.5 * np.sqrt(3.0)])
+    linked = _with_links(mesh, [cube])
+    slope = random.standard_normal((3, 3))
+    (found,) = _link_strains(linked, (mesh.points @ slope.T).reshape(-1, 1))
+    size = 1.0 / np.linalg.norm(linked.simplices[0].gradient)
+    np.testing.assert_allclose(found.reshape(3, 3), size * 0.5 * (slope + slope.T), atol=1e-12)

@@ -1,5 +1,6 @@
 """Time steps: conservation of energy, order, tolerance, refusals."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +11,7 @@ from bodies import COROTATED, LINEAR, Beam, beam_body, body_of_everything, rando
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.files.basics import OptionError, StepError
 from flexfmu.model.methods import Method
+from flexfmu.model.reduced_body import GROUND
 from reference import Reference
 
 BEAM = Beam()
@@ -354,3 +356,18 @@ def test_an_iteration_ends_where_its_rate_says_that_it_has_settled(free, most):
                 state, work = body.step_with_work(state, {}, step)
                 rounds, steps = rounds + work.iterations, steps + work.substeps
     assert rounds < most * steps
+
+
+def test_with_dampers_a_step_takes_as_many_rounds_whatever_the_unit_of_time():
+    rows, reached, rounds = np.random.default_rng(3).normal(size=(3, 6)), [], []
+    for second in (1.0, 1e4):
+        model = random_body(3, parents=(GROUND, 0), interface_frame=(1,))
+        model = replace(model, angular_frequency=model.angular_frequency / second, damper=2.0 * rows / np.sqrt(second))
+        body = FlexibleBody(model, limits=StepLimits(tolerance=10.0))
+        start = State(np.full(6, 0.01), np.linspace(-1.0, 1.0, 6) / second)
+        load = {"port_0": np.array([3.0, -2.0, 1.0, 0.2, 0.3, 0.1]) / second**2}
+        state, work = body.step_with_work(start, load, 5e-3 * second)
+        reached.append(state.q)
+        rounds.append(work.iterations)
+    np.testing.assert_allclose(reached[1], reached[0], rtol=1e-9)
+    assert rounds[1] == rounds[0] < 12

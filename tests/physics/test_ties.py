@@ -112,6 +112,16 @@ def test_what_a_mode_too_fast_for_the_step_loses_is_the_work_of_its_damper(joine
             assert sum(body.energies(before)) - sum(body.energies(state)) == pytest.approx(lost, rel=1e-8)
 
 
+@pytest.mark.parametrize("joined", [False, True])
+def test_a_step_that_does_not_resolve_the_only_vibration_tells_that_its_phase_is_lost(joined):
+    body = FlexibleBody(on_springs(0.3 * STIFFNESS, 0.0, joined), limits=StepLimits(tolerance=1e9))
+    omega = body.model.angular_frequency[0]
+    for start in (at(0.3), at(0.0, 0.3 * omega)):
+        told = [body.step_with_work(start, {}, step / omega)[1].error for step in (0.2, 5.0)]
+        assert told[0] < 1e-3
+        assert 0.5 < told[1] < 1.0
+
+
 def test_two_bodies_on_a_joint_lose_what_the_material_of_both_takes():
     """C = Ĝ 2ZΩ Ĝᵀ, Ĝ the material's share of the modes' forces: modes that the joint couples are damped together."""
     inertia, material, ratio = np.array([0.5, 0.8]), np.array([0.7, 0.2]) * STIFFNESS, 0.07

@@ -63,3 +63,17 @@ def test_a_stiffness_over_another_is_symmetric_and_has_the_eigenvalues_of_both(s
     found = congruent(lower, tangent)
     np.testing.assert_allclose(found, found.T, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(lower @ found @ lower.T, tangent, rtol=1e-10, atol=1e-12)
+
+
+@SIZES
+def test_done_by_several_calls_it_is_the_same_and_costs_what_was_counted_before(size, random):
+    matrix = random.standard_normal((size, size))
+    matrix += matrix.T
+    value, vector = smallest_eigen(matrix.copy())
+    for calls in (1, 3, 10):
+        found, along, taken, (counted, spent) = smallest_eigen(matrix.copy(), calls)
+        assert found == value
+        np.testing.assert_array_equal(along, vector)
+        assert calls <= taken <= calls + 2
+        assert spent == pytest.approx(counted, rel=1e-9)
+        assert counted < 1e6

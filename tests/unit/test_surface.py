@@ -1,5 +1,7 @@
 """The surface for pictures goes where the method takes the body: interfaces, lengths, rigid turns, stress."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -201,3 +203,18 @@ def test_all_of_the_surface_is_where_calculix_has_it(bodies):
     assert errors[Method.LINEAR] > 0.3
     assert errors[Method.FRAMES] > 0.01
     assert errors[Method.SECOND_ORDER] < 2e-3
+
+
+def test_directions_of_the_surface_are_those_that_turn_the_material_most(random):
+    """A displacement turns a body of half the size twice as far."""
+    mesh = box(ElementType.C3D20, (4, 1, 1), (1.0, 0.1, 0.2))
+    phi, loads = random.standard_normal((2, 3 * len(mesh.points), 7))
+    phi *= np.arange(1, 8)
+    omega = np.linspace(10.0, 50.0, 7)
+    axes, turned, size = surface._turning_directions(mesh, phi, omega, loads)
+    half = surface._turning_directions(replace(mesh, points=0.5 * mesh.points), phi, omega, loads)
+    np.testing.assert_allclose(half[1], 2.0 * turned, rtol=1e-9)
+    np.testing.assert_allclose(half[2], 2.0 * size, rtol=1e-9)
+    # Of random displacements the larger ones turn it more.
+    assert size[4:].min() > 1.5 * size[:2].max()
+    np.testing.assert_allclose(axes @ axes.T, np.eye(7), atol=1e-9)
