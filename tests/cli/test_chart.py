@@ -17,9 +17,12 @@ from demo.rear_axle import scene_tables
 from chromium import opened
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.config import read_body_file
+from flexfmu.core.interface import read_image
 from flexfmu.files.basics import OutputError, SimulationError
 from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Mass, Method, Variant, has_frames
+from flexfmu.model.variants import lean
+from flexfmu.program.compile import compile_program
 from flexfmu.reduction.options import Basis
 from flexfmu.study import fmu_cost, pictures as look, workshop as workshops
 from flexfmu.study.candidates import EXACT, GIVEN, REDUCED, SINGLE, Candidate, Reduction, candidates, reduction_config
@@ -360,30 +363,27 @@ def test_half_of_the_models_find_the_front_of_all_of_them(demo):
 
 
 @pytest.mark.slow
-def test_a_body_is_packaged_once_for_all_its_methods_of_one_mass(bent_beam, tmp_path, store, monkeypatch):
-    packaged, plain = [], fmu_cost.package_fmu
-    monkeypatch.setattr(fmu_cost, "package_fmu", lambda body, *a, **k: packaged.append(body) or plain(body, *a, **k))
-    variants, turning = [FRAMES, Variant(Method.LINEAR)], Variant(Method.SECOND_ORDER, Mass.POLYNOMIAL)
-    workshop = Workshop(bent_beam, Reporter(), store)
-    body = workshop.build(Reduction(BasisChoice.NORMAL, 3, 1), [*variants, turning]).body
-    fewer = [workshop.shared(Reduction(BasisChoice.NORMAL, 3, 1)).body for _ in range(2)]
+def test_a_model_is_timed_by_the_core_and_the_program_of_its_own_method_alone(bent_beam, tmp_path, store, monkeypatch):
+    variants = [FRAMES, Variant(Method.LINEAR), Variant(Method.SECOND_ORDER, Mass.POLYNOMIAL)]
+    body, images = Workshop(bent_beam, Reporter(), store).build(Reduction(BasisChoice.NORMAL, 3, 1), variants).body, []
     with closing(FmuTimer(tmp_path)) as timer:
         for variant in variants:
             found = timer.times(body, bent_beam, 1e-3, variant, StepLimits())
             assert found["fmu_ratio"] == pytest.approx(found["fmu_us"] / found["empty_us"])
             assert found["empty_us"] > 0.0
-        assert [one.mass for one in packaged] == [Mass.CONSTANT]
+            (program,) = (tmp_path / "timed" / "resources").iterdir()
+            images.append(read_image(program.read_bytes()).sizes)
+        monkeypatch.setattr(fmu_cost, "library_path", lambda: tmp_path / "none.so")
         with pytest.raises(SimulationError, match="the FMU does not run"):
-            timer.times(body, bent_beam, 1e-3, Variant(Method.FRAMES_STIFFNESS), StepLimits())
-        timer.times(body, bent_beam, 1e-3, FRAMES, StepLimits())
-        assert len(packaged) == 1
-        timer.times(body, bent_beam, 1e-3, turning, StepLimits())
-        assert [one.mass for one in packaged] == [Mass.CONSTANT, Mass.POLYNOMIAL]
-        # It goes on after that, and after another body.
+            timer.times(body, bent_beam, 1e-3, FRAMES, StepLimits())
+        monkeypatch.undo()
+        # It goes on after that.
         assert timer.times(body, bent_beam, 1e-3, FRAMES, StepLimits())["fmu_us"] > 0.0
-        for one in (*fewer, body):
-            timer.times(one, bent_beam, 1e-3, FRAMES, StepLimits())
-        assert len(packaged) == 3
+    alone = [read_image(compile_program(lean(body, one), one.method, one.mass)).sizes for one in variants]
+    of_method = ("frames", "curved", "mass_forms")
+    found = [[image[name] for name in of_method] for image in images]
+    assert found == [[sizes[name] for name in of_method] for sizes in alone]
+    assert len({tuple(one) for one in found}) == 3
 
 
 @pytest.mark.slow

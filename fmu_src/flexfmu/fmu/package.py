@@ -36,7 +36,6 @@ def package_fmu(
     platforms: Sequence[str] = (),
     report: Reporter | None = None,
     fmi: int = 2,
-    kept: bool = True,
 ) -> None:
     """Write a body as an FMU; the file appears whole or not at all, and the same body gives the same bytes.
 
@@ -51,8 +50,6 @@ def package_fmu(
     report : Reporter, optional
     fmi : int
         Version of FMI, 2 or 3.
-    kept : bool
-        Else without sources, not compressed, and written sooner.
 
     Raises
     ------
@@ -62,14 +59,13 @@ def package_fmu(
         There is no core for a platform, and none can be made.
     """
     check_target(output, (".fmu",))
-    contents = _contents(body, runtime, cores_for(runtime, platforms, report, fmi), fmi, kept)
-    way = zipfile.ZIP_DEFLATED if kept else zipfile.ZIP_STORED
-    with whole_file(output) as part, zipfile.ZipFile(part, "w", way) as archive:
+    contents = _contents(body, runtime, cores_for(runtime, platforms, report, fmi), fmi)
+    with whole_file(output) as part, zipfile.ZipFile(part, "w") as archive:
         for name in sorted(contents):
             entry = zipfile.ZipInfo(name, _DATE)
             # Libraries can be loaded where the unpacking program keeps permissions.
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-            archive.writestr(entry, contents[name], way)
+            archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
 
 
 def cores_for(runtime: Runtime, platforms: Sequence[str], report: Reporter | None, fmi: int) -> dict[str, bytes]:
@@ -120,7 +116,7 @@ def _descriptions(body: ReducedBody, runtime: Runtime, guid: str, fmi: int) -> d
     return files_3(body, guid) if fmi == 3 else {DESCRIPTION: model_description(body, guid, runtime)}
 
 
-def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi: int, kept: bool) -> dict[str, bytes]:
+def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi: int) -> dict[str, bytes]:
     """Every file of the archive by its name."""
     modal, made, code, sources = modal_bytes(body), programs(body), dict[str, bytes](), dict[str, bytes]()
     if runtime is Runtime.NATIVE:
@@ -129,7 +125,7 @@ def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi:
             for name, data in cores.items()
             for folder in (folders_3(Path(name).stem) if fmi == 3 else [Path(name).stem])
         }
-        sources = _sources(body.name) if kept else {}
+        sources = _sources(body.name)
     else:
         modules, libraries = _pythonfmu()
         binaries = {

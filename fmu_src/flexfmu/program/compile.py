@@ -235,12 +235,14 @@ _MOST_FIXED = 5
 _TYPES = ("Real", "Integer", "Boolean", "String")
 
 
-def programs(body: ReducedBody) -> dict[str, Draft]:
+def programs(body: ReducedBody, every: bool = True) -> dict[str, Draft]:
     """Every program of a body's FMU by its file name, without the guid.
 
     Parameters
     ----------
     body : ReducedBody
+    every : bool
+        Else that alone which the FMU starts with.
 
     Returns
     -------
@@ -249,9 +251,9 @@ def programs(body: ReducedBody) -> dict[str, Draft]:
     fields = variable_fields(body, variable_table(body))
     start = chosen(body).method
     result = {}
-    for method in offered(body):
+    for method in offered(body) if every else (start,):
         mass = body.mass if body.mass in masses_of(method) else Mass.CONSTANT
-        for fixed in _fixed_sets(body, method):
+        for fixed in _fixed_sets(body, method) if every else [()]:
             names = tuple(body.interface_names[number] for number in fixed)
             try:
                 held = with_frame_layout(with_fixed_interfaces(body, names, method), method)
@@ -263,7 +265,7 @@ def programs(body: ReducedBody) -> dict[str, Draft]:
             draft = compile_draft(held, method, mass)
             name = DESCRIPTION if method is start and not fixed else _name(method.value, fixed)
             result[name] = Draft(draft.sizes, draft.arrays | fields)
-    if body.shadow is not None:
+    if body.shadow is not None and every:
         # Frames hang on the root: of other interfaces fixed nothing is known.
         for fixed in _fixed_sets(body, Method.SECOND_ORDER):
             names = tuple(body.interface_names[number] for number in fixed)

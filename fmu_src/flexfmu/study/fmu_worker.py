@@ -1,7 +1,7 @@
 """What runs in the process of its own in which FMUs are timed: loads them, and drives one and an empty one in turns."""
 
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import fmpy
@@ -12,45 +12,35 @@ from .pace import Clock, calm_blocks, timed_piece
 # What models that are tried warn of is no message to the user.
 _SILENT = fmi2CallbackFunctions.from_buffer_copy(defaultCallbacks)
 _SILENT.logger = fmi2CallbackLoggerTYPE(lambda *_: None)
-_KNOWN: dict[str, "Driven"] = {}
-"""FMUs that were loaded in this process, by name."""
+_EMPTY: dict[str, "Driven"] = {}
+"""Empty FMUs that were loaded in this process, by name."""
 
 
 class Driven:
-    """An FMU that is set up again and again.
+    """An FMU that is driven from its start.
 
     Parameters
     ----------
-    path : str
-    folder : str
-        Where it is unpacked; not there yet.
+    references : tuple of list of int
+        Value references of inputs, and of outputs.
+    parameters : dict of int to float
+        By their value references.
+    places : dict of str to str
+        Its library and its resources, as fmpy has them.
     """
 
-    def __init__(self, path: str, folder: str):
-        description = fmpy.read_model_description(path)
-        name, unpacked = description.coSimulation.modelIdentifier, fmpy.extract(path, folder)
-        place = {"guid": description.guid, "unzipDirectory": unpacked, "modelIdentifier": name}
-        self.slave = FMU2Slave(**place, instanceName="timed")
+    def __init__(self, references: Sequence[list[int]], parameters: dict[int, float], places: dict[str, str]):
+        self._inputs, self._outputs = references
+        self.slave = FMU2Slave(**{"guid": "", "modelIdentifier": "", "instanceName": "timed"} | places)
         self.slave.instantiate(callbacks=_SILENT)
-        variables = description.modelVariables
-        self.references = {v.name: v.valueReference for v in variables}
-        self.inputs = [v.name for v in variables if v.causality == "input"]
-        self.input_references = [self.references[name] for name in self.inputs]
-        self.outputs = [v.valueReference for v in variables if v.causality == "output" and v.type == "Real"]
-
-    def begin(self, parameters: dict[str, float | str]) -> None:
-        """Start anew under some parameters."""
-        self.slave.reset()
-        for name, value in parameters.items():
-            put = self.slave.setString if isinstance(value, str) else self.slave.setReal
-            put([self.references[name]], [value])
+        self.slave.setReal(list(parameters), list(parameters.values()))
         self.slave.setupExperiment(startTime=0.0)
         self.slave.enterInitializationMode()
         self.slave.exitInitializationMode()
 
     def run(self, rows: list[list[float]], step: float) -> float:
         """Time (s) of setting all inputs, stepping and getting all outputs, once for each row."""
-        slave, references, outputs = self.slave, self.input_references, self.outputs
+        slave, references, outputs = self.slave, self._inputs, self._outputs
         clock = Clock()
         for number, row in enumerate(rows):
             slave.setReal(references, row)
@@ -71,32 +61,26 @@ def answering(*_: int) -> Callable[..., tuple[bool, Any]]:
     return answer
 
 
-def load(name: str, path: str, empty: bool) -> None:
-    """Load an FMU under a name; an empty one is set up at once.
-
-    Parameters
-    ----------
-    name, path : str
-        It is unpacked beside its file.
-    empty : bool
-    """
-    _KNOWN[name] = Driven(path, f"{path}_unpacked")
-    if empty:
-        _KNOWN[name].begin({})
+def load_empty(name: str, path: str) -> None:
+    """Load an empty FMU under a name; it is unpacked beside its file."""
+    description = fmpy.read_model_description(path)
+    variables, unpacked = description.modelVariables, fmpy.extract(path, f"{path}_unpacked")
+    references = [[v.valueReference for v in variables if v.causality == kind] for kind in ("input", "output")]
+    places = {"modelIdentifier": description.coSimulation.modelIdentifier, "unzipDirectory": unpacked}
+    _EMPTY[name] = Driven(references, {}, places | {"guid": description.guid})
 
 
-def timed(
-    name: str, against: str, parameters: dict[str, float | str], rows: list[dict[str, float]], step: float
-) -> dict[str, float]:
+def timed(how: dict[str, Any], against: str, rows: list[list[float]], step: float) -> dict[str, float]:
     """Time steps of an FMU and of an empty one, in turns.
 
     Parameters
     ----------
-    name, against : str
-        Under which they were loaded.
-    parameters : dict of str to float or str
-    rows : list of dict
-        Inputs by name, one row a step; a single one holds.
+    how : dict
+        Arguments of `Driven`.
+    against : str
+        The empty one, as of `load_empty`.
+    rows : list of list of float
+        Inputs, one row a step; a single one holds.
     step : float
         s.
 
@@ -105,22 +89,20 @@ def timed(
     dict of str to float
         s a step: fmu, empty: fastest; and busy.
     """
-    driven, empty = _KNOWN[name], _KNOWN[against]
-    first = [[rows[0].get(one, 0.0) for one in driven.inputs]]
-    driven.begin(parameters)
+    driven, empty = Driven(**how), _EMPTY[against]
+    first = rows[:1]
     start = driven.slave.getFMUState()
     # What is prepared at the first steps is there afterwards.
     driven.run(first * 2, step)
     driven.slave.setFMUState(start)
     piece = timed_piece(rows, driven.run(first, step))
-    values = [[row.get(one, 0.0) for one in driven.inputs] for row in piece]
-    zeros = [[row.get(one, 0.0) for one in empty.inputs] for row in piece]
 
     def block() -> tuple[float, float]:
         driven.slave.setFMUState(start)
-        return driven.run(values, step) / len(values), empty.run(zeros, step) / len(zeros)
+        return driven.run(piece, step) / len(piece), empty.run(piece, step) / len(piece)
 
     done = calm_blocks(block)
     driven.slave.freeFMUState(start)
+    driven.slave.freeInstance()
     fastest = [min(times) for times in zip(*(pair for _, pair in done), strict=True)]
     return {"fmu": fastest[0], "empty": fastest[1], "busy": statistics.median(busy for busy, _ in done)}

@@ -263,7 +263,6 @@ class Workshop:
         self.crew = crew or Crew()
         self.tried = 0
         self._bodies: dict[Reduction, tuple[Built, tuple[Variant, ...]]] = {}
-        self._parts: dict[Reduction, tuple[Built, Built]] = {}
         self._step: float | None = None
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -333,12 +332,7 @@ class Workshop:
         # The body starts with the first: of lumped mass alone no polynomial is known. An FMU of it serves all methods.
         order = (Mass.POLYNOMIAL, Mass.CONSTANT, Mass.CONFIGURATION).index
         built = self.build(most, sorted(variants, key=lambda one: order(one.mass)))
-        whole, part = self._parts.get(reduction, (None, built))
-        if whole is not built:
-            part = replace(built, body=_part(built.body, most, reduction))
-            # The same object each time: what is packaged of it serves all its models.
-            self._parts[reduction] = built, part
-        return part
+        return replace(built, body=_part(built.body, most, reduction))
 
     def errors(self, body: ReducedBody, variant: Variant, limits: StepLimits | None = None) -> SceneErrors:
         """Error of a reduced body under a variant."""
