@@ -44,7 +44,8 @@ def test_large_deflections_are_those_of_calculix(folder, table, direction, colum
     assert np.linalg.norm(moved[-1]) > 0.08
     for row, expected in zip(moved, displacement(chosen), strict=True):
         assert relative(row, expected) < 1e-6
-    assert found.increments <= found.iterations < 40
+    # Twice as many with the stress of displacements in the tangent.
+    assert found.increments <= found.iterations < 15
 
 
 @pytest.mark.long
