@@ -9,18 +9,21 @@ import flexfmu
 from bodies import source_of_judgement
 from elastica import MASS, STIFFNESS, heavy_elastica
 from flexfmu.body.flexible_body import FlexibleBody, State
+from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import InputTable, InterfaceTable
 from flexfmu.files.basics import OptionError
 from flexfmu.files.outputs import Reporter
+from flexfmu.files.store import Store
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import PointMass
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.reduced_body import GROUND
+from flexfmu.reduction import membrane, second_order
 from flexfmu.reduction.options import Basis
 from flexfmu.reduction.rigid_fit import by_node
 from flexfmu.reduction.second_order import node_readings
 from flexfmu.reduction.subdomains import Subdomain, fitted_rotation
-from meshes import box
+from meshes import arc, body_file, box
 from references import BEAM, L_FRAME, calculix, displacement, relative, rotation
 from turns import exponential, rotation_vector
 
@@ -262,3 +265,31 @@ def test_springs_on_a_line_turn_as_the_frame_that_carries_them(random):
         assert reading.turn is not frame.rotation
         np.testing.assert_array_equal(reading.angle, reading.turn.of(shapes))
         assert np.abs(reading.angle - angle).max() > 0.1
+
+
+@pytest.mark.parametrize("support", ["ROOT", None])
+def test_places_move_at_second_order_as_pairs_are_answered_and_as_unit_loads_stress_the_body(
+    support, tmp_path, monkeypatch
+):
+    mesh = arc(ElementType.C3D8I, (8, 2, 2), 1.0, 0.1)
+    tables = {"reduction": {"modes": 5, "residual_flexibility": True, "membrane": False}, "output": {"surface": True}}
+    config = body_file(
+        mesh,
+        tmp_path,
+        interface=["ROOT", "TIP"][support is not None :],
+        support=support,
+        free=support is None,
+        **tables,
+    )
+    with monkeypatch.context() as few:
+        # Of few coordinates all pairs are answered, once: nothing else is found for places.
+        few.setattr(second_order, "geometric_stiffness", None)
+        answered = reduce_body(config, Reporter(), Store(None))
+    monkeypatch.setattr(membrane, "_FEW", 0)
+    plain = reduce_body(config, Reporter(), Store(None))
+    for name in ("displacement", "rotation"):
+        found, expected = (getattr(body.second, name) for body in (answered, plain))
+        assert np.abs(expected).max() > 0.0
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-7 * np.abs(expected).max())
+    moved = [np.einsum("nir,rab->niab", b.surface.second, b.surface.form, optimize=True) for b in (answered, plain)]
+    np.testing.assert_allclose(moved[0], moved[1], rtol=0.0, atol=1e-4 * np.abs(moved[1]).max())

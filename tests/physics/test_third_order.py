@@ -48,7 +48,7 @@ def test_forces_of_third_order_are_the_gradient_of_the_membrane_energy(kind, tmp
 
     def energy(part):
         motion = (x + other + part * y)[:, None]
-        return FourthOrder(matrices).stretching(motion, pairs[:1])[0][0, 0]
+        return FourthOrder(matrices).stretching(motion, pairs[:1], motion)[0][0, 0]
 
     slope = (energy(1e-3) - energy(-1e-3)) / 2e-3
     assert slope != 0.0

@@ -111,31 +111,31 @@ class FourthOrder:
     Attributes
     ----------
     matrices : Matrices
-    tied : bool
-        Whether a tree holds springs of supports as joints: then what they resist at second order is left to it.
     """
 
     matrices: Matrices
-    tied: bool = False
 
     @property
     def _mesh(self) -> Mesh:
         return self.matrices.model.mesh
 
-    def stretching(self, fields: FloatArray, pairs: IntArray) -> tuple[FloatArray, FloatArray]:
+    def stretching(self, fields: FloatArray, pairs: IntArray, onto: FloatArray) -> tuple[FloatArray, ...]:
         """Energy of the strain of second order that no displacement takes away.
 
         Parameters
         ----------
         fields : (3n, m) float
         pairs : (p, 2) int
+        onto : (3n, e) float
 
         Returns
         -------
         energies : (p, p) float
             A of (18a).
-        forces : (3n, p) float
-            f of (18a).
+        work : (e, p) float
+            Of f of (18a) on the displacements `onto`.
+        answers : (k, p) float
+            Displacements of free degrees of freedom by f.
         """
         count, mesh = len(pairs), self._mesh
         title = f"Stretch of {count} pairs of motions"
@@ -144,9 +144,9 @@ class FourthOrder:
         bushings = self.matrices.model.bushings
         own = 0.5 * bushings.curvature(fields)[:, pairs[:, 0], pairs[:, 1]]
         forces, energies = forces + bushings.rows.T @ own, energies + own.T @ own
-        free = self.matrices.supported.forces(forces)
-        released = self.released(free, f"Static response to {count} stretches", self.tied)
-        return 0.5 * (energies - released), forces
+        work, answers = onto.T @ forces, self.matrices.supported.forces(forces)
+        released = self.released(answers, f"Static response to {count} stretches")
+        return 0.5 * (energies - released), work, answers
 
     def third_order_work(self, fields: FloatArray, pairs: IntArray, basis: FloatArray, known: FloatArray) -> FloatArray:
         """Work (p, p) of a motion's forces on its displacements of third order, by pairs (p, 2) of fields (3n, m).
@@ -185,36 +185,32 @@ class FourthOrder:
             forces = turned_stress(mesh, fields, applied, pairs, tell)
         return model.forces(without_resultants(mesh.points, forces, slices(mesh, self.matrices.model.anchored)))
 
-    def released(self, forces: FloatArray, title: str, tied: bool = False) -> FloatArray:
+    def released(self, forces: FloatArray, title: str) -> FloatArray:
         """Work (p, p) of nodal forces on free degrees of freedom (k, p) over the displacements that they make.
 
-        Where springs of supports are `tied`, with twice the energy of these.
+        These are there instead of the forces afterwards: of large meshes there is no room for both.
         """
         model, count = self.matrices.supported, forces.shape[1]
-        spring = self.matrices.model.spring.ravel()
-        sprung = np.flatnonzero(spring) if tied else np.zeros(0, dtype=np.int64)
-        result, pulled = np.empty((count, count)), np.empty((sprung.size, count))
+        result = np.empty((count, count))
         with self.matrices.report.counted(title, count, "solutions") as tell:
             for first in range(0, count, _COLUMNS):
                 part = slice(first, first + _COLUMNS)
                 moved = model.static(forces[:, part])
                 result[first:, part] = forces[:, first:].T @ moved
-                if sprung.size:
-                    pulled[:, part] = np.sqrt(spring[sprung, None]) * model.whole(moved)[sprung]
+                forces[:, part] = moved
                 tell(min(first + _COLUMNS, count))
         # What is above the diagonal was not asked for.
-        return np.tril(result) + np.tril(result, -1).T + pulled.T @ pulled
+        return np.tril(result) + np.tril(result, -1).T
 
-    def turns(self, forces: FloatArray, known: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rotation (p,) of the material, rms over its volume, in static responses to nodal forces (3n, p).
+    def turns(self, answers: FloatArray, known: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rotation (p,) of the material, rms over its volume, in displacements of free degrees of freedom (k, p).
 
         The second (p,): the same less displacements (3n, p) that are known of them.
         """
-        model, count = self.matrices.supported, forces.shape[1]
-        result = np.empty((2, count))
-        for first in range(0, count, _COLUMNS):
+        result = np.empty((2, answers.shape[1]))
+        for first in range(0, answers.shape[1], _COLUMNS):
             part = slice(first, first + _COLUMNS)
-            fields = model.whole(model.static(model.forces(forces[:, part])))
+            fields = self.matrices.supported.whole(answers[:, part])
             for row, turned in enumerate((fields, fields - known[:, part])):
                 result[row, part] = np.sqrt(np.diag(mean_spin(self._mesh, turned)))
         return result[0], result[1]
@@ -243,10 +239,16 @@ class FourthOrder:
         if not linear.size:
             return np.zeros(2)
         pairs = np.repeat(np.arange(linear.size)[:, None], 2, axis=1)
-        held = self.stretching(fields, pairs)[0]
+        held = self.stretching(fields, pairs, fields)[0]
         flat = self.flattening_forces(fields, pairs)
         freed = 0.5 * self.released(flat, f"Static response to {linear.size} flattenings")
         return np.array([np.max(np.diag(part) / linear) for part in (held, freed)])
+
+
+def pair_products(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Products (p, k) of two of some coordinates, each pair once, in those of two motions (e, k) each."""
+    first, second = np.triu_indices(len(one))
+    return one[first] * other[second] + (first < second)[:, None] * one[second] * other[first]
 
 
 def turning_scale(energy: FloatArray, turned: FloatArray) -> FloatArray:

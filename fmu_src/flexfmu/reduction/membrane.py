@@ -21,11 +21,12 @@ import numpy as np
 from ..fe.factorisation import GIGA, free_memory
 from ..fe.gradients import mean_spin
 from ..files.basics import FloatArray, IntArray, ModelError
-from ..files.store import content_key
+from ..files.outputs import Reporter
+from ..files.store import Store, content_key
 from ..model.inertia import Membrane
 from ..model.reduced_body import ReducedBody, Shadow
 from .basis import TENSE, TURNING, Matrices
-from .fourth_order import STIFF, FourthOrder, energy_shares, turning_scale
+from .fourth_order import STIFF, FourthOrder, energy_shares, pair_products, turning_scale
 from .modes import Modes, balanced
 from .third_order import missed_energy
 
@@ -66,6 +67,8 @@ _SAME = 2e-3
 # 2.9 % off at 3e-3, unseen by its shadow; at 1e-4 1.6, 2.6 by a shadow at 1e-5.
 _FINER, _STRETCH, _OF_PARTS = 1e-5, 1e-4, 3e-3
 _FLATTENED, _FLATTENED_PARTS = 3e-3, 1e-2
+# Coordinates of which all pairs are answered whether their stretch counts or not; numbers up to which disks keep them.
+_FEW, _KEPT = 24, 1_000_000
 # How many motions under forces what places miss is known of, and least deflection of one by a force of unit energy.
 _SOFTEST, _SOFT = 8, 1e-5
 
@@ -81,18 +84,17 @@ class Stretching:
         Those of frequency zero are rigid motions, which stretch nothing.
     loads : (3n, l) float
         Nodal forces of unit loads on the interfaces: of all forces, then of all moments.
+    key : str
+        Of the modes, as of `basis.modal_basis`.
     tied : bool
-        As of `FourthOrder`.
+        Whether a tree holds springs of supports as joints: then what they resist at second order is left to it.
     """
 
     matrices: Matrices
     modes: Modes
     loads: FloatArray
+    key: str = ""
     tied: bool = False
-
-    @cached_property
-    def _fourth(self) -> FourthOrder:
-        return FourthOrder(self.matrices, self.tied)
 
     @cached_property
     def _elastic(self) -> IntArray:
@@ -132,6 +134,35 @@ class Stretching:
         rest = np.diag(_AMPLITUDE * np.linalg.norm(self.motions, axis=1).min() * turns)
         return np.linalg.svd(np.concatenate([self.motions, rest]), full_matrices=False)[2][:most].T
 
+    @cached_property
+    def _pairs(self) -> IntArray:
+        return np.stack(np.triu_indices(self._directions.shape[1]), axis=1)
+
+    def _stretches(self) -> dict[str, FloatArray]:
+        """What `FourthOrder.stretching` tells of all pairs of directions, and their work on coordinates, once."""
+
+        def make() -> dict[str, FloatArray]:
+            self._refuse_what_does_not_fit(len(self._pairs))
+            unit = self._shapes / self._omega
+            found = FourthOrder(self.matrices).stretching(unit @ self._directions, self._pairs, unit)
+            return dict(zip(("energies", "work", "answers"), found, strict=True))
+
+        key, store = content_key(__name__, "stretches", self.key, self._directions), self.matrices.store
+        kept = store if len(self._pairs) * self.matrices.supported.free.size < _KEPT else Store()
+        return store.last("stretches", key, lambda: kept.arrays(key, "stretches", Reporter(), make))
+
+    def answers(self, found: bool) -> FloatArray | None:
+        """Displacements (3n, p) by forces of products of two elastic coordinates, of the second order, pair by pair.
+
+        None of many coordinates, unless the membrane energy has `found` them: to find no more than is asked for costs
+        less.
+        """
+        if self._omega.size > (self._directions.shape[1] if found else _FEW):
+            return None
+        first, second = self._pairs.T
+        answers = self.matrices.supported.whole(self._stretches()["answers"])
+        return answers * (self._omega[first] * self._omega[second])
+
     def _forms(self, energies: FloatArray, first: IntArray, second: IntArray, least: float) -> FloatArray:
         """Forms (r, p) whose squares add up to an energy (p, p) of pairs of coordinates, but for small ones."""
         norms, motions = np.linalg.norm(self.motions, axis=1), self.motions @ self._directions
@@ -145,7 +176,7 @@ class Stretching:
 
     def _flattening(self, fields: FloatArray, pairs: IntArray) -> FloatArray:
         """Energy (p, p) that stress which turns with its material sets free outside the basis."""
-        fourth = self._fourth
+        fourth = FourthOrder(self.matrices)
         forces = fourth.flattening_forces(fields, pairs)
         held = self.matrices.supported.unknowns.of(self._shapes).T @ forces / self._omega[:, None]
         return 0.5 * (fourth.released(forces, f"Static response to {len(pairs)} flattenings") - held.T @ held)
@@ -166,33 +197,35 @@ class Stretching:
         -------
         Membrane
         """
-        count, directions = self._omega.size, self._directions
-        first, second = np.triu_indices(directions.shape[1])
-        self._refuse_what_does_not_fit(len(first))
-        unit = self._shapes / self._omega
-        fields, pairs = unit @ directions, np.stack([first, second], axis=1)
+        count, directions, pairs = self._omega.size, self._directions, self._pairs
+        first, second = pairs.T
         # Rows of forms by pair, and what is linear beside them, in coordinates of unit energy.
         forms, linear, signs = [], [], []
         if stretching:
-            energies, forces = self._fourth.stretching(fields, pairs)
+            found = self._stretches()
+            energies, against, answers = found["energies"], found["work"], found["answers"]
+            if self.tied:
+                spring = self.matrices.model.spring.ravel()
+                pulled = np.sqrt(spring[spring > 0.0, None]) * self.matrices.supported.whole(answers)[spring > 0.0]
+                energies = energies - 0.5 * pulled.T @ pulled
             forms.append(self._forms(energies, first, second, least))
             if keep_shapes:
                 # w = −C(q, q).
-                against = unit.T @ forces
-                shapes = self._turning_shapes(energies, against, forces, pairs, least == _FINER)
+                shapes = self._turning_shapes(energies, against, answers, least == _FINER)
                 forms.append(shapes.T @ against / np.sqrt(2.0))
                 linear = [np.zeros((len(forms[0]), count)), shapes.T / np.sqrt(2.0)]
             signs = [np.ones(len(rows)) for rows in forms]
         if flattening:
             small = _FLATTENED if keep_shapes else _FLATTENED_PARTS
-            forms.append(self._forms(self._flattening(fields, pairs), first, second, small))
+            energies = self._flattening(self._shapes / self._omega @ directions, pairs)
+            forms.append(self._forms(energies, first, second, small))
             signs.append(-np.ones(len(forms[-1])))
         linear += [np.zeros((len(rows), count)) for rows in forms[len(linear) :]]
-        found = np.zeros((sum(map(len, forms)), directions.shape[1], directions.shape[1]))
-        found[:, first, second] = found[:, second, first] = np.concatenate(forms)
+        whole = np.zeros((sum(map(len, forms)), directions.shape[1], directions.shape[1]))
+        whole[:, first, second] = whole[:, second, first] = np.concatenate(forms)
         wide, modes, every = directions * self._omega[:, None], self.modes.angular_frequency.size, self._elastic
-        result = Membrane(np.zeros((len(found), modes, modes)), np.zeros((len(found), modes)), np.concatenate(signs))
-        result.quadratic[:, every[:, None], every] = wide @ found @ wide.T
+        result = Membrane(np.zeros((len(whole), modes, modes)), np.zeros((len(whole), modes)), np.concatenate(signs))
+        result.quadratic[:, every[:, None], every] = wide @ whole @ wide.T
         result.linear[:, every] = np.concatenate(linear) * self._omega
         return result
 
@@ -212,7 +245,7 @@ class Stretching:
         motions, forces = axes.T @ found, (forces @ axes * size).T.reshape(len(size), -1, 3)
         pairs = np.array(list(combinations_with_replacement(range(len(size)), 2)))
         shapes = np.sqrt(2.0) * membrane.linear[membrane.linear.any(axis=1)][:, self._elastic] / self._omega
-        work = self._fourth.third_order_work(unit @ (motions.T * size), pairs, unit, shapes.T)
+        work = FourthOrder(self.matrices).third_order_work(unit @ (motions.T * size), pairs, unit, shapes.T)
         q = np.zeros((len(size), self.modes.angular_frequency.size))
         q[:, self._elastic] = size[:, None] * motions / self._omega
         forms, signs = missed_energy(body, q, forces, work, _LEAST * 0.5 * size.min() ** 2)
@@ -237,21 +270,20 @@ class Stretching:
             )
 
     def _turning_shapes(
-        self, energies: FloatArray, against: FloatArray, forces: FloatArray, pairs: IntArray, finer: bool
+        self, energies: FloatArray, against: FloatArray, answers: FloatArray, finer: bool
     ) -> FloatArray:
         """Orthonormal shapes (e, k) of w that turn the material by more than the square of the motions' angle.
 
         The basis may know a mere shortening by shapes that bend as well: it misses a part of the turn at most.
         """
-        (first, second), both = pairs.T, list(combinations_with_replacement(self.motions @ self._directions, 2))
-        found = [a[first] * b[second] + np.where(first == second, 0.0, a[second] * b[first]) for a, b in both]
-        amplitudes = np.array(found).T.reshape(len(pairs), -1)
-        linear = [0.5 * np.linalg.norm(a) * np.linalg.norm(b) for a, b in both]
-        tense = _TURN**2 * (amplitudes * (energies @ amplitudes)).sum(axis=0) > TENSE * np.array(linear)
+        one, other = np.array(list(combinations_with_replacement(range(len(self.motions)), 2))).reshape(-1, 2).T
+        motions = (self.motions @ self._directions).T
+        amplitudes, size = pair_products(motions[:, one], motions[:, other]), np.linalg.norm(motions, axis=0)
+        tense = _TURN**2 * (amplitudes * (energies @ amplitudes)).sum(axis=0) > 0.5 * TENSE * size[one] * size[other]
         found = against @ amplitudes
         large = (found * (self._spin @ found)).sum(axis=0) > np.where(tense & finer, TURNING, _LARGE) ** 2
         found, unit = found[:, large], self._shapes / self._omega
-        turned, missed = self._fourth.turns(forces @ amplitudes[:, large], unit @ found)
+        turned, missed = FourthOrder(self.matrices).turns(answers @ amplitudes[:, large], unit @ found)
         known = missed < _MISSED * turned
         found = found[:, known & np.any(known & ((turned > _CLEAR) | (tense & finer)[large]))]
         shapes, sizes, _ = np.linalg.svd(found, full_matrices=False)
@@ -259,15 +291,13 @@ class Stretching:
 
 
 def membrane_energy(
-    stretching: Stretching, modes_key: str, wanted: bool | Literal["auto", "finer"], keep_shapes: bool
+    stretching: Stretching, wanted: bool | Literal["auto", "finer"], keep_shapes: bool
 ) -> Membrane | None:
     """Stretches of a body, where it stretches when it bends or the body file asks for them.
 
     Parameters
     ----------
     stretching : Stretching
-    modes_key : str
-        As of `basis.modal_basis`.
     wanted : bool, "auto" or "finer"
         As of `BodyOptions`.
     keep_shapes : bool
@@ -290,8 +320,8 @@ def membrane_energy(
         )
     if not stretched and not flattened:
         return None
-    key = content_key(__name__, modes_key, stretching.loads, stretching.tied, keep_shapes, stretched, flattened, least)
-
+    how = stretching.tied, keep_shapes, stretched, flattened, least
+    key = content_key(__name__, stretching.key, stretching.loads, *how)
     find = partial(stretching.membrane, stretched, flattened, keep_shapes, least)
     membrane = _kept(matrices, key, "membrane energy", find)
     if not membrane.sign.size:
@@ -300,12 +330,12 @@ def membrane_energy(
     return membrane
 
 
-def completed_shadow(stretching: Stretching, modes_key: str, shadow: Shadow) -> Shadow:
+def completed_shadow(stretching: Stretching, shadow: Shadow) -> Shadow:
     """A shadow that has as energy what its places miss at third order."""
     body, modes = shadow.body, shadow.body.mode_count
     membrane = body.membrane or Membrane(np.zeros((0, modes, modes)), np.zeros((0, modes)), np.zeros(0))
     places = body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
-    key = content_key(__name__, "third order", modes_key, stretching.loads, membrane.quadratic, *places)
+    key = content_key(__name__, "third order", stretching.key, stretching.loads, membrane.quadratic, *places)
     find = partial(stretching.third_order, membrane, body)
     found = _kept(stretching.matrices, key, "what places miss at third order", find)
     return replace(shadow, body=replace(body, membrane=found))

@@ -121,12 +121,17 @@ class _Divided:
 
 @dataclass(frozen=True, slots=True)
 class _Basis:
-    """The modes of a divided model, and how its frames move with them."""
+    """The modes of a divided model, and how its frames move with them; and whether their stretches are found."""
 
     matrices: Matrices
     modes: Modes
     key: str
     frames: FrameOperators
+    stretched: bool = False
+
+    def stretching(self, divided: _Divided) -> Stretching:
+        """What is asked for how the modes stretch."""
+        return Stretching(self.matrices, self.modes, divided.unit_loads(), self.key, bool(divided.springs))
 
 
 def reduced_piece(
@@ -175,8 +180,8 @@ def reduced_piece(
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
         found = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, own))
         shadow = Shadow(finer, found)
-        stretching = Stretching(finer_basis.matrices, finer_basis.modes, loads)
-        third = None if finer.ties or cut else partial(completed_shadow, stretching, finer_basis.key, shadow)
+        stretching = finer_basis.stretching(divided)
+        third = None if finer.ties or cut else partial(completed_shadow, stretching, shadow)
         return replace(piece, body=replace(body, shadow=shadow), shadow_work=warping.T @ shapes, third=third)
 
     piece = Reduced(body, work, work, fine, own, span, certified)
@@ -217,10 +222,10 @@ def _reduced(divided: _Divided, basis: _Basis) -> ReducedBody:
         inertia, lump_centres = _lumped(divided, basis)
     second, membrane = None, None
     if Data.SECOND_ORDER in stored and divided.subdomains:
+        membrane = _membrane(divided, basis)
+        basis = replace(basis, stretched=membrane is not None)
         second, curvature = _second_order(divided, basis, lump_centres)
-        if inertia is not None:
-            inertia = replace(inertia, curvature=curvature)
-        membrane = _membrane(divided, basis, loads)
+        inertia = inertia and replace(inertia, curvature=curvature)
     parts = _parts(divided, basis, loads, second)
     return _made(divided, basis, inertia=inertia, ties=_springs(divided, basis), membrane=membrane, **parts)
 
@@ -242,7 +247,7 @@ def _lumped(divided: _Divided, basis: _Basis) -> tuple[LumpedMass | None, list[C
 
 def _fine_tree(divided: _Divided, basis: _Basis, membrane: Membrane | None) -> ReducedBody | None:
     """The modes on a tree of `_FINE` frames to second order, with its lumps, whatever the body's own frames are."""
-    config, model = divided.config, divided.model
+    config, model, kept = divided.config, divided.model, divided.model.mesh.kept
     unheard = config.variant.mass is Mass.CONFIGURATION or not has_frames(config.variant.method)
     if unheard or not divided.subdomains:
         return None
@@ -250,13 +255,12 @@ def _fine_tree(divided: _Divided, basis: _Basis, membrane: Membrane | None) -> R
         config, levels=_FINE, levels_asked=False, frames=(), branches=(), acceleration=False,
         interfaces=config.interfaces[:1], stored=config.stored | {Data.SECOND_ORDER},
     )  # fmt: skip
-    kept = divided.model.mesh.kept
     key = "fine tree", basis.key, pickle.dumps((config.name, alone.interfaces, config.cuts, membrane))
     if key in kept:
         return kept[key]
     found = _divided(alone, model, Reporter(), (), divided.cut)
     frames = frame_operators(model.mesh.points, basis.modes.shapes, found.subdomains)
-    own = replace(basis, frames=frames, matrices=basis.matrices.quiet)
+    own = replace(basis, frames=frames, matrices=basis.matrices.quiet, stretched=membrane is not None)
     inertia, centres = _lumped(found, own)
     second, curvature = _second_order(found, own, centres)
     inertia = inertia and replace(inertia, curvature=curvature)
@@ -281,7 +285,7 @@ def _parts(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOr
     """What the body holds beside its motion, by its options: fields of `ReducedBody`."""
     config, model, subdomains, matrices = divided.config, divided.model, divided.subdomains, basis.matrices
     modes, key, stored = basis.modes, basis.key, config.stored
-    surface = _surface(divided, basis, loads, second) if config.surface else None
+    surface = _surface(divided, basis, second) if config.surface else None
     by_load = stiffness_by_load(matrices, modes, key, loads, config.acceleration) if Data.BY_LOAD in stored else None
     return {
         **(_watched(divided, basis, loads) if config.watched else {}),
@@ -404,11 +408,12 @@ def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) 
 
     def make() -> dict[str, FloatArray]:
         with matrices.report.stage(f"Find where {len(readings)} places go at second order"):
-            found = second_order(matrices, modes, floating, readings)
+            answers = basis.stretching(divided).answers(basis.stretched)
+            found = second_order(matrices, modes, floating, readings, answers)
         return {"displacement": found.displacement, "rotation": found.rotation}
 
     parts = [part for reading in readings for part in reading.parts]
-    key = content_key(__name__, "second order", basis.key, floating, *parts)
+    key = content_key(__name__, "second order", basis.key, floating, basis.stretched, *parts)
     every = SecondOrder(**matrices.store.arrays(key, "places at second order", matrices.report, make))
     last = len(every.displacement) - 2 * len(nodes)
     lumped = np.arange(last - len(lump_centres), last)
@@ -416,20 +421,19 @@ def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) 
     return SecondOrder(displacement, rotation), every.displacement[lumped]
 
 
-def _membrane(divided: _Divided, basis: _Basis, loads: FloatArray) -> Membrane | None:
+def _membrane(divided: _Divided, basis: _Basis) -> Membrane | None:
     """The energy of fourth order, where it is wanted and the body holds any; parts of a cut one keep no shapes."""
-    stretching = Stretching(basis.matrices, basis.modes, loads, bool(divided.springs))
-    membrane = membrane_energy(stretching, basis.key, divided.config.membrane, not divided.cut)
+    membrane = membrane_energy(basis.stretching(divided), divided.config.membrane, not divided.cut)
     if membrane is not None and divided.open_loops:
         count, do = len(divided.subdomains), 'take frames = 1, or cut = "auto"'
         basis.matrices.report.warning(f"{count} frames open a loop that stretches, one frame keeps it closed: {do}")
     return membrane
 
 
-def _surface(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOrder | None) -> Surface:
+def _surface(divided: _Divided, basis: _Basis, second: SecondOrder | None) -> Surface:
     """The surface for pictures, and how it moves."""
     model, modes, subdomains = divided.model, basis.modes, divided.subdomains
-    fields = _surface_fields(basis, loads) if second is not None else None
+    fields = _surface_fields(basis, basis.stretching(divided)) if second is not None else None
     sets, held = [interface.nodes for interface in divided.interfaces], model.fixed | model.sprung
     moved = np.flatnonzero(held.any(axis=1))
     surface = body_surface(model.mesh, modes.shapes, subdomains, sets, moved, fields, divided.config.surface_stress)
@@ -444,17 +448,17 @@ def _surface(divided: _Divided, basis: _Basis, loads: FloatArray, second: Second
     )
 
 
-def _surface_fields(basis: _Basis, loads: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _surface_fields(basis: _Basis, stretching: Stretching) -> tuple[FloatArray, FloatArray]:
     """What goes with q at second order all over the surface, for pictures."""
-    matrices = basis.matrices
+    matrices, loads = basis.matrices, stretching.loads
 
     def make() -> dict[str, FloatArray]:
         with matrices.report.stage("Find where the surface goes at second order"):
-            nodes = surface_nodes(matrices.model.mesh)[0]
-            fields, forms = second_order_fields(matrices, basis.modes, loads, nodes)
+            nodes, answers = surface_nodes(matrices.model.mesh)[0], stretching.answers(basis.stretched)
+            fields, forms = second_order_fields(matrices, basis.modes, loads, nodes, answers)
             return {"fields": fields, "forms": forms}
 
-    key = content_key(__name__, "surface", basis.key, loads)
+    key = content_key(__name__, "surface", basis.key, loads, basis.stretched)
     kept = matrices.store.arrays(key, "the surface at second order", matrices.report, make)
     return kept["fields"], kept["forms"]
 

@@ -201,7 +201,9 @@ def _local(mesh: Mesh, shapes: FloatArray, rates: FloatArray, rotation: FloatArr
     return (bent * _TURN > _LOCAL * turned.max() * turned) & (rates > _FAST * scale.min())
 
 
-def second_order(matrices: Matrices, modes: Modes, floating: bool, readings: Sequence[NodeReading]) -> SecondOrder:
+def second_order(
+    matrices: Matrices, modes: Modes, floating: bool, readings: Sequence[NodeReading], answers: FloatArray | None = None
+) -> SecondOrder:
     """Second derivatives (18) of the motions of the tree's nodes.
 
     Parameters
@@ -212,20 +214,29 @@ def second_order(matrices: Matrices, modes: Modes, floating: bool, readings: Seq
         Whether motions are to be seen from the floating frame, which makes the rigid motions.
     readings : sequence of NodeReading
         One for each node of the tree, in its order; the first of a frame.
+    answers : (3n, p) float, optional
+        As of `Stretching.answers`: then no more is to be found.
 
     Returns
     -------
     SecondOrder
     """
     mesh, bushings, model = matrices.model.mesh, matrices.model.bushings, matrices.supported
-    loads = np.hstack([reading.loads(len(mesh.points)) for reading in readings])
-    fields = model.whole(model.static(model.forces(loads)))
     rigid, count = np.flatnonzero(modes.angular_frequency == 0.0), modes.shapes.shape[1]
     elastic = modes.shapes.copy()
     elastic[:, rigid] = 0.0
-    # Work of the initial strains, and of the bushings' own, on the stress of the fields.
-    own = np.tensordot((bushings.rows @ fields).T, bushings.curvature(elastic), axes=1)
-    motion = (-geometric_stiffness(mesh, fields, elastic) - own).reshape(len(readings), 2, 3, count, count)
+    motion = np.zeros((len(readings), 2, 3, count, count))
+    if answers is None:
+        loads = np.hstack([reading.loads(len(mesh.points)) for reading in readings])
+        fields = model.whole(model.static(model.forces(loads)))
+        # Work of the initial strains, and of the bushings' own, on the stress of the fields.
+        own = np.tensordot((bushings.rows @ fields).T, bushings.curvature(elastic), axes=1)
+        motion -= (geometric_stiffness(mesh, fields, elastic) + own).reshape(motion.shape)
+    else:
+        own = np.flatnonzero(modes.angular_frequency > 0.0)
+        first, second = own[np.array(np.triu_indices(own.size))]
+        read = -2.0 * np.array([[reading.moved(answers), reading.turn.of(answers)] for reading in readings])
+        motion[..., first, second] = motion[..., second, first] = read
     displacement, rotation = motion[:, 0], motion[:, 1]
     angles = np.array([reading.angle for reading in readings])
     bent = angles.copy()

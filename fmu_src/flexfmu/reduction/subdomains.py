@@ -41,8 +41,8 @@ class Turn:
 
     def of(self, shapes: FloatArray) -> FloatArray:
         """Rotation (3, m) of mode shapes (3n, m)."""
-        local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(self.operator.shape[1], -1)
-        return self.operator @ local
+        local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes]
+        return self.operator @ local.reshape(-1, shapes.shape[1])
 
 
 def mean_rotation(mesh: Mesh, elements: IntArray) -> Turn:

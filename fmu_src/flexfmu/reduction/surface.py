@@ -10,6 +10,7 @@ from ..files.outputs import tell_nobody
 from ..mesh.model import Mesh
 from ..model.reduced_body import GROUND, Surface
 from .basis import Matrices
+from .fourth_order import pair_products
 from .modes import Modes
 from .subdomains import Subdomain
 
@@ -139,7 +140,7 @@ def _turning_directions(
 
 
 def second_order_fields(
-    matrices: Matrices, modes: Modes, loads: FloatArray, nodes: IntArray
+    matrices: Matrices, modes: Modes, loads: FloatArray, nodes: IntArray, answers: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Displacement ½ w(q, q) of some nodes that goes with q at second order, as few fields w = Σ W_r (qᵀ c_r q).
 
@@ -152,6 +153,8 @@ def second_order_fields(
     loads : (3n, j) float
         Of which static displacements are made.
     nodes : (k,) int
+    answers : (3n, p) float, optional
+        As of `Stretching.answers`.
 
     Returns
     -------
@@ -165,7 +168,7 @@ def second_order_fields(
     phi = modes.shapes[:, elastic]
     axes, values, size = _turning_directions(mesh, phi, modes.angular_frequency[elastic], loads)
     kept = values.size
-    directions = phi @ (axes / size).T
+    directions = (axes / size).T
     first, second = np.triu_indices(kept)
     # Pairs are weighed by how large they get.
     weight = values[first] * values[second]
@@ -174,9 +177,14 @@ def second_order_fields(
     pairs = np.empty((rows.size, first.size))
     for start in range(0, first.size, _AT_A_TIME):
         part = slice(start, start + _AT_A_TIME)
-        forces, _ = quadratic_strain(mesh, directions, np.stack([first[part], second[part]], axis=1), tell_nobody)
+        one, other = first[part], second[part]
+        if answers is None:
+            forces, _ = quadratic_strain(mesh, phi @ directions, np.stack([one, other], axis=1), tell_nobody)
+            found = model.whole(model.static(model.forces(forces)))[rows]
+        else:
+            found = answers[rows] @ pair_products(directions[:, one], directions[:, other])
         # Twice the displacement that a pair's strain (18a) makes: ½ w holds it in both orders.
-        pairs[:, part] = -2.0 * model.whole(model.static(model.forces(forces)))[rows] * weight[part]
+        pairs[:, part] = -2.0 * found * weight[part]
     squares, turn = np.linalg.eigh(pairs.T @ pairs)
     turn = turn[:, squares > (_SMALL**2) * squares[-1]]
     # y = axes (size q): the coordinates of the directions.
