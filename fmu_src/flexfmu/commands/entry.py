@@ -24,4 +24,6 @@ def main() -> None:
         case _:
             from .cli import app
 
+            # Little of what is made refers to itself: ten times as rarely as usual is soon enough to look for that.
+            gc.set_threshold(10_000)
             app(prog_name="flexfmu")

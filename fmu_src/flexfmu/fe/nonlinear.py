@@ -112,8 +112,7 @@ class _Body:
             foreseen = work - part.work(_strains(part, moved, 0.5 * moved)[..., None])[..., 0]
             matrices = part.eliminated(_tangent(part, slopes, foreseen))[0]
             parts.append(assembled(part.nodes, matrices, displacement.size))
-        total = summed(parts)
-        return sp.csr_array(0.5 * (total + total.T))
+        return summed(parts)
 
     def _state(self, number: int, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Slopes (e, s, 3) of a part and what works on its strains (e, r), its own shape functions in equilibrium."""
@@ -192,8 +191,7 @@ def load_path(
     size = float(np.linalg.norm(unknowns.forces(load)))
     u = np.zeros(load.size)
     stiff, node = unknowns.matrix(body.tangent(u, u)), unknowns.free // 3
-    order = dissection_order(stiff, node)
-    kept = [Factorisation(stiff, node, order)]
+    kept = [Factorisation(stiff, node, order := dissection_order(stiff, node))]
     found, reached, increment = [], 0.0, _FIRST * float(factors[-1])
     increments = iterations = 0
     for factor in factors:
@@ -237,8 +235,7 @@ def _newton(
             return None, iteration
         change = kept[0].solve(residual)
         foreseen = foreseen or float(np.linalg.norm(change))
-        step = unknowns.whole(change)
-        u += step
+        u += (step := unknowns.whole(change))
         residual = unknowns.forces(load - body.forces(u))
         error = float(np.linalg.norm(residual))
         if not np.isfinite(error):

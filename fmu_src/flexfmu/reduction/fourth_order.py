@@ -115,10 +115,6 @@ class FourthOrder:
 
     matrices: Matrices
 
-    @property
-    def _mesh(self) -> Mesh:
-        return self.matrices.model.mesh
-
     def stretching(self, fields: FloatArray, pairs: IntArray, onto: FloatArray) -> tuple[FloatArray, ...]:
         """Energy of the strain of second order that no displacement takes away.
 
@@ -137,7 +133,7 @@ class FourthOrder:
         answers : (k, p) float
             Displacements of free degrees of freedom by f.
         """
-        count, mesh = len(pairs), self._mesh
+        count, mesh = len(pairs), self.matrices.model.mesh
         title = f"Stretch of {count} pairs of motions"
         with self.matrices.report.counted(title, mesh.element_count, "elements") as tell:
             forces, energies = quadratic_strain(mesh, fields, pairs, tell)
@@ -155,9 +151,9 @@ class FourthOrder:
         Displacements of second order are left out as far as some (e, k) of its shapes know them.
         """
         model, (first, second) = self.matrices.supported, pairs.T
-        pulled = stressed_gradients(self._mesh, fields, np.zeros((len(fields), 1)), pairs[:1])
+        pulled = stressed_gradients(self.matrices.model.mesh, fields, np.zeros((len(fields), 1)), pairs[:1])
         pulled = pulled[:, first, second] + (first < second) * pulled[:, second, first]
-        strained = (2.0 - (first == second)) * quadratic_strain(self._mesh, fields, pairs, tell_nobody)[0]
+        strained = (2.0 - (first == second)) * quadratic_strain(self.matrices.model.mesh, fields, pairs, tell_nobody)[0]
         moved = model.whole(model.static(model.forces(np.hstack([strained, pulled]))))
         within = basis.T @ np.hstack([strained, pulled])
         moved[:, : len(pairs)] -= basis @ (known @ (known.T @ within[:, : len(pairs)]))
@@ -177,7 +173,7 @@ class FourthOrder:
         (k, p) float
             g of (18c).
         """
-        model, mesh = self.matrices.supported, self._mesh
+        model, mesh = self.matrices.supported, self.matrices.model.mesh
         # Forces of springs to the ground keep their axes.
         applied = model.applied(fields) - self.matrices.model.springs @ fields
         title = f"Flattening of {len(pairs)} pairs of motions"
@@ -212,7 +208,7 @@ class FourthOrder:
             part = slice(first, first + _COLUMNS)
             fields = self.matrices.supported.whole(answers[:, part])
             for row, turned in enumerate((fields, fields - known[:, part])):
-                result[row, part] = np.sqrt(np.diag(mean_spin(self._mesh, turned)))
+                result[row, part] = np.sqrt(np.diag(mean_spin(self.matrices.model.mesh, turned)))
         return result[0], result[1]
 
     def responses(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -229,7 +225,7 @@ class FourthOrder:
         found = model.static(model.forces(np.hstack([forces, model.inertia])))
         fields = model.whole(found)
         energy = 0.5 * np.einsum("ij,ij->j", found, model.stiffness @ found)
-        scale = turning_scale(energy, np.diag(mean_spin(self._mesh, fields)))
+        scale = turning_scale(energy, np.diag(mean_spin(self.matrices.model.mesh, fields)))
         chosen = scale > 0.0
         return fields[:, chosen] * scale[chosen], (energy * scale**2)[chosen]
 

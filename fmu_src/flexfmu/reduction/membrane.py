@@ -159,9 +159,8 @@ class Stretching:
         """
         if self._omega.size > (self._directions.shape[1] if found else _FEW):
             return None
-        first, second = self._pairs.T
         answers = self.matrices.supported.whole(self._stretches()["answers"])
-        return answers * (self._omega[first] * self._omega[second])
+        return answers * self._omega[self._pairs].prod(axis=1)
 
     def _forms(self, energies: FloatArray, first: IntArray, second: IntArray, least: float) -> FloatArray:
         """Forms (r, p) whose squares add up to an energy (p, p) of pairs of coordinates, but for small ones."""
@@ -174,12 +173,12 @@ class Stretching:
         kept = values > max(least * values[-1], _LEAST * 0.5 * (_TURN * norms.min()) ** 2)
         return (vectors[:, kept] * np.sqrt(values[kept]) / root[:, None]).T
 
-    def _flattening(self, fields: FloatArray, pairs: IntArray) -> FloatArray:
+    def _flattening(self) -> FloatArray:
         """Energy (p, p) that stress which turns with its material sets free outside the basis."""
         fourth = FourthOrder(self.matrices)
-        forces = fourth.flattening_forces(fields, pairs)
+        forces = fourth.flattening_forces(self._shapes / self._omega @ self._directions, self._pairs)
         held = self.matrices.supported.unknowns.of(self._shapes).T @ forces / self._omega[:, None]
-        return 0.5 * (fourth.released(forces, f"Static response to {len(pairs)} flattenings") - held.T @ held)
+        return 0.5 * (fourth.released(forces, f"Static response to {len(self._pairs)} flattenings") - held.T @ held)
 
     def membrane(self, stretching: bool, flattening: bool, keep_shapes: bool, least: float) -> Membrane:
         """Stretches of the whole basis.
@@ -197,8 +196,7 @@ class Stretching:
         -------
         Membrane
         """
-        count, directions, pairs = self._omega.size, self._directions, self._pairs
-        first, second = pairs.T
+        count, directions, (first, second) = self._omega.size, self._directions, self._pairs.T
         # Rows of forms by pair, and what is linear beside them, in coordinates of unit energy.
         forms, linear, signs = [], [], []
         if stretching:
@@ -217,8 +215,7 @@ class Stretching:
             signs = [np.ones(len(rows)) for rows in forms]
         if flattening:
             small = _FLATTENED if keep_shapes else _FLATTENED_PARTS
-            energies = self._flattening(self._shapes / self._omega @ directions, pairs)
-            forms.append(self._forms(energies, first, second, small))
+            forms.append(self._forms(self._flattening(), first, second, small))
             signs.append(-np.ones(len(forms[-1])))
         linear += [np.zeros((len(rows), count)) for rows in forms[len(linear) :]]
         whole = np.zeros((sum(map(len, forms)), directions.shape[1], directions.shape[1]))

@@ -100,7 +100,7 @@ def _most_turned(
     for gradients, volume, _ in _gradients(mesh, phi, elements):
         gradient = np.einsum("eq,eqiJk->eiJk", volume / volume.sum(axis=1)[:, None], gradients)
         rotation = 0.5 * np.stack([gradient[:, k, j] - gradient[:, j, k] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
-        angle = np.linalg.norm((rotation - frame) @ motions, axis=1)
+        angle = np.sqrt(np.einsum("eik,eik->ek", *[(rotation - frame) @ motions] * 2))
         rotations.append(rotation)
         angles.append(angle)
     rotation, angle = np.concatenate(rotations), np.concatenate(angles)

@@ -33,16 +33,11 @@ class EmptySlave(Fmi2Slave):
         super().__init__(**kwargs)
         self.inputs, self.outputs = [0.0] * {inputs}, [0.0] * {outputs}
         idle = {{"getter": lambda: 0.0, "setter": lambda value: None}}
-        for name in {input_names!r}:
-            self.register_variable(Real(name, causality=Fmi2Causality.input, start=0.0, **idle))
-        for name in {output_names!r}:
-            self.register_variable(Real(name, causality=Fmi2Causality.output, getter=idle["getter"]))
-    def get_real(self, vrs):
-        return self.outputs[: len(vrs)]
-    def set_real(self, vrs, values):
-        self.inputs[: len(vrs)] = values
-    def do_step(self, current_time, step_size):
-        return True
+        for n in {input_names!r}: self.register_variable(Real(n, causality=Fmi2Causality.input, start=0.0, **idle))
+        for n in {output_names!r}: self.register_variable(Real(n, causality=Fmi2Causality.output, getter=lambda: 0.0))
+    def get_real(self, vrs): return self.outputs[: len(vrs)]
+    def set_real(self, vrs, values): self.inputs[: len(vrs)] = values
+    def do_step(self, current_time, step_size): return True
 """
 
 
@@ -78,7 +73,7 @@ class FmuTimer:
         Returns
         -------
         dict of str to float
-            fmu_us, empty_us, fmu_ratio, fmu_busy.
+            As of `timed`.
 
         Raises
         ------
@@ -95,14 +90,10 @@ class FmuTimer:
         names = load_names(scene.names, True)
         loads = [dict(zip(names, one.packed(True).tolist(), strict=True)) for one in scene.timing_loads]
         rows = [[one.get(name, 0.0) for name in inputs] for one in loads]
-        how = {
-            "references": (list(inputs.values()), [table[name][0] for name in outputs]),
-            "parameters": {table[STEP_LIMIT][0]: limits.longest, table[STEP_TOLERANCE][0]: limits.tolerance},
-            "places": {"libraryPath": str(library_path()), "unzipDirectory": str(resources.parent)},
-        }
-        found = self._ask(timed, how, self._empty_fmu([*inputs], outputs), rows, step)
-        fmu, empty = found["fmu"], found["empty"]
-        return {"fmu_us": 1e6 * fmu, "empty_us": 1e6 * empty, "fmu_ratio": fmu / empty, "fmu_busy": found["busy"]}
+        references = list(inputs.values()), [table[name][0] for name in outputs]
+        parameters = {table[STEP_LIMIT][0]: limits.longest, table[STEP_TOLERANCE][0]: limits.tolerance}
+        how = references, parameters, {"libraryPath": str(library_path()), "unzipDirectory": str(resources.parent)}
+        return dict(self._ask(timed, how, self._empty_fmu([*inputs], outputs), rows, step))
 
     def _empty_fmu(self, inputs: list[str], outputs: list[str]) -> str:
         names = (*inputs, "", *outputs)

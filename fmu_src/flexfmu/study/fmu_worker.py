@@ -70,12 +70,12 @@ def load_empty(name: str, path: str) -> None:
     _EMPTY[name] = Driven(references, {}, places | {"guid": description.guid})
 
 
-def timed(how: dict[str, Any], against: str, rows: list[list[float]], step: float) -> dict[str, float]:
+def timed(how: tuple[Any, ...], against: str, rows: list[list[float]], step: float) -> dict[str, float]:
     """Time steps of an FMU and of an empty one, in turns.
 
     Parameters
     ----------
-    how : dict
+    how : tuple
         Arguments of `Driven`.
     against : str
         The empty one, as of `load_empty`.
@@ -87,9 +87,9 @@ def timed(how: dict[str, Any], against: str, rows: list[list[float]], step: floa
     Returns
     -------
     dict of str to float
-        s a step: fmu, empty: fastest; and busy.
+        fmu_us, empty_us: of a step, the fastest; fmu_ratio, fmu_busy.
     """
-    driven, empty = Driven(**how), _EMPTY[against]
+    driven, empty = Driven(*how), _EMPTY[against]
     first = rows[:1]
     start = driven.slave.getFMUState()
     # What is prepared at the first steps is there afterwards.
@@ -104,5 +104,6 @@ def timed(how: dict[str, Any], against: str, rows: list[list[float]], step: floa
     done = calm_blocks(block)
     driven.slave.freeFMUState(start)
     driven.slave.freeInstance()
-    fastest = [min(times) for times in zip(*(pair for _, pair in done), strict=True)]
-    return {"fmu": fastest[0], "empty": fastest[1], "busy": statistics.median(busy for busy, _ in done)}
+    fmu, idle = (1e6 * min(times) for times in zip(*(pair for _, pair in done), strict=True))
+    busy = statistics.median(busy for busy, _ in done)
+    return {"fmu_us": fmu, "empty_us": idle, "fmu_ratio": fmu / idle, "fmu_busy": busy}
