@@ -15,7 +15,7 @@ from flexfmu.model.reduced_body import Shadow
 from flexfmu.model.variants import missing
 from flexfmu.program.compile import compile_draft, shadow_draft
 from reference import Reference
-from reference.mechanics import difference, slopes
+from reference.mechanics import slopes
 
 BODIES = {"held": ({"modes": 4, "frames": 2}, {"modes": 6}), "free": ({"modes": 9, "free": True}, {"modes": 11})}
 
@@ -105,8 +105,10 @@ def stretched_joints(body, q):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
-@pytest.mark.parametrize("stretches", [False, True])
+@pytest.mark.parametrize(
+    ("seed", "stretches"),
+    [(0, False), (0, True), *(pytest.param(seed, False, marks=pytest.mark.long) for seed in (1, 2))],
+)
 def test_joints_that_turned_are_as_stiff_as_before_in_the_bound_of_a_cut_body(seed, stretches):
     """The softest direction of the tangent, over the stiffness of the material and of joints where they now are.
 
@@ -127,6 +129,8 @@ def test_joints_that_turned_are_as_stiff_as_before_in_the_bound_of_a_cut_body(se
     stiff = finer.ties.stiffness[:, None, :]
     tension, free = own.ties.stiffness[:, None, :] * stretched_joints(own, q), copy(finer)
     free.ties, moved = None, span @ q
+    # What moves by second order along shapes that the shadow keeps.
+    moved = moved - finer.shift(moved)
     inertia, scale = span @ (own.force(inputs, q) - own.stiffness * q), 1.0 / np.sqrt(finer.stiffness)
 
     def pulled(at):
@@ -136,7 +140,8 @@ def test_joints_that_turned_are_as_stiff_as_before_in_the_bound_of_a_cut_body(se
         gaps = slopes(lambda at: stretched_joints(finer, at), moved)
         joints = np.einsum("tcia,tci,tcib->ab", gaps, np.broadcast_to(stiff, gaps.shape[:3]), gaps) - finer.joined()
         material = np.diag(finer.stiffness) + joints
-        slope = np.stack([difference(pulled, moved, way) for way in np.eye(finer.modes)], axis=1)
+        ways = 1e-5 * np.eye(finer.modes)
+        slope = np.stack([pulled(moved + way) - pulled(moved - way) for way in ways], axis=1) / 2e-5
         tangent = (material - slope) * np.outer(scale, scale)
         if stretches:
             membrane = shadow.membrane
@@ -150,6 +155,4 @@ def test_joints_that_turned_are_as_stiff_as_before_in_the_bound_of_a_cut_body(se
         left = finer.force(inputs, moved) - finer.stiffness * moved - inertia
         moved = moved + scale * np.linalg.solve(tangent, scale * left)
     assert np.sqrt(shape @ material @ shape) > 1.02
-    np.testing.assert_allclose(
-        bound, 1.25 * share * np.sqrt(shape @ material @ shape), rtol=1e-4 if stretches else 1e-5
-    )
+    np.testing.assert_allclose(bound, 1.25 * share * np.sqrt(shape @ material @ shape), rtol=1e-5)
