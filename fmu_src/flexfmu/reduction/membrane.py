@@ -160,7 +160,8 @@ class Stretching:
         if self._omega.size > (self._directions.shape[1] if found else _FEW):
             return None
         answers = self.matrices.supported.whole(self._stretches()["answers"])
-        return answers * self._omega[self._pairs].prod(axis=1)
+        answers *= self._omega[self._pairs].prod(axis=1)
+        return answers
 
     def _forms(self, energies: FloatArray, first: IntArray, second: IntArray, least: float) -> FloatArray:
         """Forms (r, p) whose squares add up to an energy (p, p) of pairs of coordinates, but for small ones."""
