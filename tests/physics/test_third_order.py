@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
@@ -13,12 +14,19 @@ from flexfmu.files.outputs import Reporter, tell_nobody
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.inertia import Membrane
+from flexfmu.model.rotations import skew
 from flexfmu.reduction.basis import Matrices, third_order_loads
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.fourth_order import FourthOrder
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.modes import normal_modes, with_residual_flexibility
-from flexfmu.reduction.third_order import missed_energy, third_order_places
+from flexfmu.reduction.third_order import (
+    fitted_rotation,
+    lever_sums,
+    missed_energy,
+    third_order_motion,
+    turning_forces,
+)
 from meshes import arc, body_file, box, grid, lattice
 from references import relative
 
@@ -206,7 +214,7 @@ def test_a_bar_one_reduced_element_across_is_right_and_not_warned_of(tmp_path):
 
 @pytest.mark.parametrize("kept", [False, True])
 def test_places_of_third_order_are_those_that_the_tree_makes(kept, tmp_path):
-    """Also with a shape of second order among the coordinates."""
+    """And rotations; also with a shape of second order among the coordinates."""
     mesh = arc(ElementType.C3D20, (8, 1, 1), 1.0, 0.05, angle=1.2)
     reduced = reduce_body(body_file(mesh, tmp_path, interface=["TIP"], frames=4), Reporter())
     assert reduced.frame_count == 4
@@ -216,28 +224,80 @@ def test_places_of_third_order_are_those_that_the_tree_makes(kept, tmp_path):
         random = 1e3 * np.random.default_rng(1).standard_normal((1, reduced.mode_count, reduced.mode_count))
         reduced = replace(reduced, membrane=Membrane(random + random.swapaxes(1, 2), linear, np.ones(1)))
     core = FlexibleBody(reduced, "second_order").core
+    # Out of the plane, too.
     q = 1e-2 / np.arange(1.0, reduced.mode_count + 1)
 
     def odd(size):
-        return 0.5 * (core.motion(size * q) - core.motion(-size * q))[:3]
+        return 0.5 * (core.motion(size * q) - core.motion(-size * q))
 
     third = (odd(2.0) - 2.0 * odd(1.0)) / 6.0
-    assert third_order_places(reduced, q[None])[0, 0] == pytest.approx(third, rel=1e-2)
+    found = third_order_motion(reduced, q[None])[0, 0]
+    assert found[:3] == pytest.approx(third[:3], rel=1e-2)
+    assert found[3:] == pytest.approx(third[3:6], rel=1e-2, abs=1e-2 * np.abs(third[3:6]).max())
+
+
+def section():
+    """Nodal forces of unit moments (3n, 3) on a section of nodes, and those, by (3)."""
+    points = np.random.default_rng(3).standard_normal((7, 3))
+    arms = np.concatenate([np.tile(np.eye(3), (7, 1)), np.concatenate([skew(-p) for p in points])], axis=1)
+    return np.linalg.pinv(arms)[3:].T, points
+
+
+def fitted(loads, points, field):
+    """Rotation vector that leaves displacements (n, 3) without a turn when it is taken back."""
+    turn = np.eye(3)
+    for _ in range(60):
+        left = loads.T @ ((points + field) @ turn - points).ravel()
+        turn = turn @ Rotation.from_rotvec(left).as_matrix()
+    return Rotation.from_matrix(turn).as_rotvec()
+
+
+def test_rotation_vectors_of_a_section_are_right_to_third_order():
+    loads, points = section()
+    field = 0.02 * np.random.default_rng(4).standard_normal((7, 3))
+    turned = (loads.T @ field.ravel())[None, None]
+    third = fitted_rotation(turned, *(lever_sums(loads, x[None]) for x in (points, field)))[0, 0]
+    odd = [0.5 * (fitted(loads, points, k * field) - fitted(loads, points, -k * field)) for k in (1.0, 2.0)]
+    exact = (odd[1] - 2.0 * odd[0]) / 6.0
+    assert third == pytest.approx(exact, rel=2e-2, abs=2e-2 * np.abs(exact).max())
+
+
+def test_forces_by_which_a_moment_turns_are_the_gradient_of_its_work():
+    loads, points = section()
+    fields = np.random.default_rng(5).standard_normal((2, 7, 3))
+    moments = np.random.default_rng(6).standard_normal((2, 1, 3))
+    turned = np.array([loads.T @ field.ravel() for field in fields])[:, None]
+    sums = lever_sums(loads, points[None]), lever_sums(loads, fields)
+    force = turning_forces(loads, moments, turned, *sums)
+
+    def second(field):
+        size = 1e-3
+        even = 0.5 * (fitted(loads, points, size * field) + fitted(loads, points, -size * field))
+        return even / size**2
+
+    for a, b in ((0, 0), (0, 1), (1, 0)):
+        for other in fields:
+            change = moments[a, 0] @ (second(fields[b] + other) - second(fields[b] - other)) / 2.0
+            assert force[:, a, b] @ other.ravel() == pytest.approx(change, rel=1e-3)
 
 
 def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
     mesh = arc(ElementType.C3D20, (8, 1, 1), 1.0, 0.05, angle=1.2)
     reduced = reduce_body(body_file(mesh, tmp_path, interface=["TIP"], frames=2), Reporter())
     random = np.random.default_rng(2)
-    motions, loads = 1e-2 * random.standard_normal((3, reduced.mode_count)), random.standard_normal((3, 1, 3))
+    motions, loads = 1e-2 * random.standard_normal((3, reduced.mode_count)), random.standard_normal((3, 1, 6))
     work = np.diag(1e-6 * random.standard_normal(6))
-    forms, signs = missed_energy(reduced, motions, loads, work, 0.0)
+    sums = [1e-2 * random.standard_normal((n, 1, 3, 3, 3)) for n in (1, 3)]
+    forms, signs = missed_energy(reduced, motions, loads, sums, work, 0.0)
     amplitudes = random.standard_normal(3)
     pairs = np.outer(amplitudes, amplitudes)[np.triu_indices(3)]
-    missed = (amplitudes @ loads[:, 0]) @ third_order_places(reduced, (amplitudes @ motions)[None])[0, 0]
+    q = (amplitudes @ motions)[None]
+    third = third_order_motion(reduced, q)[0, 0]
+    moved = np.tensordot(amplitudes, sums[1], 1)[None]
+    third[3:] -= fitted_rotation((reduced.interface_rotation @ q[0])[None], sums[0], moved)[0, 0]
     found = signs @ np.einsum("kij,i,j->k", forms, amplitudes, amplitudes) ** 2
     assert set(signs) == {-1.0, 1.0}
-    assert found == pytest.approx(missed - pairs @ work @ pairs, rel=1e-9)
+    assert found == pytest.approx((amplitudes @ loads[:, 0]) @ third - pairs @ work @ pairs, rel=1e-9)
 
 
 @pytest.mark.parametrize("part", [False, True])
@@ -272,5 +332,5 @@ def test_displacements_of_second_order_that_are_known_do_no_work_of_third(tmp_pa
         (every[:, 1:], np.zeros((1, 0)), strained),
         (every[:, :1], np.ones((1, 1)), 0.5 * (freed - (turned.T @ every[:, 0]).item() ** 2)),
     ):
-        work = FourthOrder(matrices).third_order_work(field, pair, basis, known)
+        work = FourthOrder(matrices).third_order_work(field, pair, basis, known, np.zeros((1, 1, 1)))
         assert work.item() == pytest.approx(expected, rel=1e-6, abs=0.0)

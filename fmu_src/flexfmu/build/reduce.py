@@ -298,11 +298,7 @@ def _properties(options: BodyOptions, model: Model) -> Properties:
     together = np.tile(np.eye(3), (len(model.fixed), 1))
     along = np.einsum("ij,ij->j", together, model.springs @ together) if model.sprung.any() else None
     return replace(
-        body_properties(model.mesh),
-        spring=along,
-        support_names=names,
-        support_point=points,
-        support_spring=springs,
+        body_properties(model.mesh), spring=along, support_names=names, support_point=points, support_spring=springs
     )
 
 

@@ -187,8 +187,7 @@ def factor(unit: str, expected: str | None, where: str) -> float:
     if expected is None:
         # Of a variable of others, which nothing here reads.
         return 1.0
-    offered = ", ".join(UNITS[expected])
-    raise FlexfmuError(f"{where}: the unit is {unit!r}, expected one of {offered}")
+    raise FlexfmuError(f"{where}: the unit is {unit!r}, expected one of {', '.join(UNITS[expected])}")
 
 
 def read_table(path: Path, first: str = "time") -> tuple[list[str], FloatArray]:

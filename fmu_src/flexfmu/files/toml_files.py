@@ -250,8 +250,7 @@ def _reason(
 
 def _unknown(key: str, model: type[BaseModel], table: type[BaseModel] | None, document: str) -> str:
     """What is said of a key that is not known where it stands."""
-    own = _fields(table) if table is not None else {}
-    near = alike(key, own, 1)
+    near = alike(key, (_fields(table) if table is not None else {}), 1)
     elsewhere = [place for name, place in _places(model, "") if name == key]
     if near:
         hint = f", did you mean {near[0]!r}?{f' Or it belongs {elsewhere[0]}' if elsewhere else ''}"

@@ -131,8 +131,7 @@ class GivenModes:
             advice = "give GivenModes their nodes, translations and lumped masses, without cells"
             raise GivenModesError(f"{found}; {advice}")
         order = np.argsort(labels)
-        place = np.searchsorted(np.asarray(labels)[order], mesh.labels)
-        there = order[np.minimum(place, len(order) - 1)]
+        there = order[np.minimum(np.searchsorted(np.asarray(labels)[order], mesh.labels), len(order) - 1)]
         lacking = mesh.labels[np.asarray(labels)[there] != mesh.labels]
         if lacking.size:
             raise GivenModesError(f"the modes lack nodes of the mesh: {listed(lacking)}; write results of all nodes")

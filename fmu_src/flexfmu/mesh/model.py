@@ -222,8 +222,7 @@ class SpringDamper:
         """Whether it pulls along fixed axes across the line between two ends, so that pull and line make a couple."""
         if self.along is not Along.FIXED or not all(end.size for end in self.ends):
             return False
-        used = (self.stiffness + self.damping)[:3] > 0.0
-        across = np.cross(self.axes, self.places[0] - self.places[1])[used]
+        across = np.cross(self.axes, self.places[0] - self.places[1])[(self.stiffness + self.damping)[:3] > 0.0]
         return bool(np.abs(across).max(initial=0.0) > _ACROSS * np.linalg.norm(self.places[0]))
 
 

@@ -183,8 +183,7 @@ def at_nodes(values: FloatArray, count: int = 0) -> FloatArray:
     given = values.shape[1]
     nodes = MOST_NODES if (count or given) == 8 else count or given
     found = np.full((len(values), MOST_NODES, *values.shape[2:]), np.nan)
-    between = FACE_SHAPES[given].value(FACE_SHAPES[nodes].nodes)
-    found[:, :nodes] = np.einsum("nk,ek...->en...", between, values)
+    found[:, :nodes] = np.einsum("nk,ek...->en...", FACE_SHAPES[given].value(FACE_SHAPES[nodes].nodes), values)
     return found
 
 

@@ -168,8 +168,7 @@ def _carried(row: int, ends: IntArray, points: FloatArray, mid: FloatArray, corn
     normal = here @ (there[:, 1] - there[:, 0])
     normal /= np.linalg.norm(normal)
     across = np.outer(normal, normal)
-    aside = (value - here) @ np.einsum("s,asi->ai", sides, there)
-    turn = np.outer(normal, aside) / thick[:, None, None]
+    turn = np.outer(normal, ((value - here) @ np.einsum("s,asi->ai", sides, there))) / thick[:, None, None]
     # By node, end, and directions of the point and of the end.
     weight = (value[:, None, None] * (np.eye(3) - across) + here[:, None, None] * across)[:, None]
     weight = weight * sides[:, None, None] + (here[:, None, None] * turn)[:, None] * np.array([[[1.0]], [[-1.0]]])

@@ -14,17 +14,7 @@ import numpy as np
 from ..core.interface import DESCRIPTION, shared, symbols
 from ..core.library import Core
 from ..files.basics import FloatArray, ModalFileError, OptionError
-from ..model.methods import (
-    Kinematics,
-    LoadPlacement,
-    Mass,
-    Method,
-    Recipe,
-    Stiffness,
-    has_frames,
-    masses_of,
-    recipe_of,
-)
+from ..model.methods import Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, has_frames, masses_of, recipe_of
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.variants import chosen, offered, with_fixed_interfaces, with_frame_layout
 from .mechanics import PLACEMENT, Draft, advice, mechanics, texts

@@ -132,8 +132,7 @@ class SpringReading:
         step = _SMALL * self._size
         if self.linear:
             return np.zeros((6, z.size, z.size))
-        moved = z + step * np.concatenate([np.eye(z.size), -np.eye(z.size)])
-        ahead, behind = np.split(self.slope(moved), 2)
+        ahead, behind = np.split(self.slope(z + step * np.concatenate([np.eye(z.size), -np.eye(z.size)])), 2)
         found = ((ahead - behind) / (2.0 * step)).transpose(1, 0, 2)
         return 0.5 * (found + found.swapaxes(1, 2))
 

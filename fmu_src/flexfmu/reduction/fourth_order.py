@@ -144,16 +144,21 @@ class FourthOrder:
         released = self.released(answers, f"Static response to {count} stretches")
         return 0.5 * (energies - released), work, answers
 
-    def third_order_work(self, fields: FloatArray, pairs: IntArray, basis: FloatArray, known: FloatArray) -> FloatArray:
+    def third_order_work(
+        self, fields: FloatArray, pairs: IntArray, basis: FloatArray, known: FloatArray, turning: FloatArray
+    ) -> FloatArray:
         """Work (p, p) of a motion's forces on its displacements of third order, by pairs (p, 2) of fields (3n, m).
+
+        Less by that of the forces `turning` (3n, m, m), as of third_order.py.
 
         With it goes the energy that stress which turns sets free outside a basis (3n, e) of unit energies.
         Displacements of second order are left out as far as some (e, k) of its shapes know them.
         """
         model, (first, second) = self.matrices.supported, pairs.T
-        pulled = stressed_gradients(self.matrices.model.mesh, fields, np.zeros((len(fields), 1)), pairs[:1])
+        mesh = self.matrices.model.mesh
+        pulled = stressed_gradients(mesh, fields, np.zeros((len(fields), 1)), pairs[:1])[:, :, :-1] - turning
         pulled = pulled[:, first, second] + (first < second) * pulled[:, second, first]
-        strained = (2.0 - (first == second)) * quadratic_strain(self.matrices.model.mesh, fields, pairs, tell_nobody)[0]
+        strained = (2.0 - (first == second)) * quadratic_strain(mesh, fields, pairs, tell_nobody)[0]
         moved = model.whole(model.static(model.forces(np.hstack([strained, pulled]))))
         within = basis.T @ np.hstack([strained, pulled])
         moved[:, : len(pairs)] -= basis @ (known @ (known.T @ within[:, : len(pairs)]))
@@ -261,8 +266,7 @@ def turning_scale(energy: FloatArray, turned: FloatArray) -> FloatArray:
     -------
     (k,) float
     """
-    real = energy > _NONE * energy.max()
-    ease = np.divide(turned, energy, out=np.zeros_like(energy), where=real)
+    ease = np.divide(turned, energy, out=np.zeros_like(energy), where=(energy > _NONE * energy.max()))
     soft = ease > STIFF * ease.max()
     # What does not turn at all may be less than nothing by round-off.
     return np.divide(1.0, np.sqrt(np.maximum(turned, 0.0)), out=np.zeros_like(energy), where=soft)

@@ -410,8 +410,7 @@ def _axes(vectors: FloatArray) -> list[str]:
     found = scipy.linalg.qr(vectors @ np.linalg.pinv(vectors, rcond=_PLAIN), pivoting=True)[0]
     found = np.round(found.T[: np.linalg.matrix_rank(vectors, tol=_PLAIN)], 4)
     names = {point(axis): name for name, axis in zip("xyz", np.eye(3), strict=True)}
-    words = (point(axis * np.sign(axis.sum())) for axis in found)
-    return sorted(names.get(one, one) for one in words)
+    return sorted(names.get(one, one) for one in (point(axis * np.sign(axis.sum())) for axis in found))
 
 
 def _free_motions(mesh: Mesh, held: BoolArray, config: BodyOptions) -> FloatArray:

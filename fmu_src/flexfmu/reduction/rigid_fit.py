@@ -98,8 +98,7 @@ def rigid_fit(points: FloatArray, nodes: Weighted, origin: FloatArray) -> tuple[
     # Rotations are scaled by the set's own size, so that the rank does not depend on units.
     size = float(np.max(np.linalg.norm(arm, axis=1))) or 1.0
     scale = np.array([1.0, 1.0, 1.0, 1.0 / size, 1.0 / size, 1.0 / size])
-    normal = (motions.T @ weighted) * np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(normal)
+    values, vectors = np.linalg.eigh((motions.T @ weighted) * np.outer(scale, scale))
     kept = values > _FLAT * values[-1]
     inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
     operator: FloatArray = (scale[:, None] * inverse * scale) @ weighted.T
@@ -129,8 +128,7 @@ def modal_fit(
         As of `rigid_fit`.
     """
     operator, rank = rigid_fit(points, nodes, origin)
-    local = shapes.reshape(len(points), 3, -1)[nodes.nodes].reshape(operator.shape[1], -1)
-    fit = operator @ local
+    fit = operator @ shapes.reshape(len(points), 3, -1)[nodes.nodes].reshape(operator.shape[1], -1)
     return fit[:3], fit[3:], rank
 
 

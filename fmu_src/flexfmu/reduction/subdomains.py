@@ -412,8 +412,7 @@ def rotation_by_points(points: FloatArray, shapes: FloatArray, domain: Subdomain
         Points that coincide with the joint or lie in a plane with it.
     """
     anchor, _, _ = modal_fit(points, shapes, domain.joint, domain.joint.centre(points))
-    start = domain.joint.centre(points)
-    edges = np.array([point.centre(points) - start for point in domain.points])
+    edges = np.array([point.centre(points) - domain.joint.centre(points) for point in domain.points])
     moved = np.array([modal_fit(points, shapes, p, p.centre(points))[0] - anchor for p in domain.points])
     size = float(np.max(np.linalg.norm(edges, axis=1)))
     if len(edges) == 1:
@@ -441,8 +440,7 @@ def element_owner(mesh: Mesh, subdomains: Sequence[Subdomain]) -> IntArray:
     (e,) int
         `GROUND` for elements that no frame carries.
     """
-    floats = bool(subdomains) and subdomains[0].floating
-    owner = np.full(mesh.element_count, 0 if floats else GROUND)
+    owner = np.full(mesh.element_count, 0 if (bool(subdomains) and subdomains[0].floating) else GROUND)
     for s, domain in reversed(list(enumerate(subdomains))):
         owner[domain.elements] = s
     return owner

@@ -4,6 +4,7 @@ A body's places are right to second order. What they miss at third order works o
 the coordinates. A shadow that has it as energy moves by what the body misses.
 """
 
+from collections.abc import Sequence
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -16,8 +17,8 @@ from ..model.rotations import skew
 _SAMPLES = 2
 
 
-def third_order_places(body: ReducedBody, q: FloatArray) -> FloatArray:
-    """Displacements of the interfaces at third order, (4) to (6) with (19) and (20).
+def third_order_motion(body: ReducedBody, q: FloatArray) -> FloatArray:
+    """Displacements and rotation vectors of the interfaces at third order, (4) to (6) with (19) and (20).
 
     Parameters
     ----------
@@ -27,8 +28,8 @@ def third_order_places(body: ReducedBody, q: FloatArray) -> FloatArray:
 
     Returns
     -------
-    (k, I, 3) float
-        m.
+    (k, I, 6) float
+        m and rad.
     """
     assert body.second is not None
     parents, frames = np.concatenate([body.frame_parent, body.interface_frame]), body.frame_count
@@ -58,15 +59,72 @@ def third_order_places(body: ReducedBody, q: FloatArray) -> FloatArray:
             half = half - skew(more[:, parent] + 0.5 * _times(hat, turn[:, node]))
             spin[:, node] = spin[:, parent] + curl @ relative + hat @ (half + 0.5 * relative @ relative)
         spin[:, node] += 0.5 * (relative @ half + half @ relative) + relative @ relative @ relative / 6.0
-    return result[:, frames:]
+    hat, half = skew(turn[:, frames:]), skew(more[:, frames:])
+    log = spin[:, frames:] - 0.5 * (hat @ half + half @ hat) - hat @ hat @ hat / 6.0
+    return np.concatenate([result[:, frames:], log[..., [2, 0, 1], [1, 2, 0]]], axis=2)
 
 
 def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
     return np.einsum("kij,kj->ki", matrices, vectors)
 
 
+def lever_sums(loads: FloatArray, fields: FloatArray) -> FloatArray:
+    """Σ x μᵀ (k, I, 3, 3, 3) of fields x (k, n, 3) over the nodal forces μ of unit moments (3n, 3I), axis by axis."""
+    return np.einsum("kna,nbic->kicab", fields, loads.reshape(fields.shape[1], 3, -1, 3), optimize=True)
+
+
+def fitted_rotation(turned: FloatArray, still: FloatArray, moved: FloatArray) -> FloatArray:
+    """Third order of rotation vectors whose turn, taken back, leaves a section none of (3).
+
+    Parameters
+    ----------
+    turned : (k, I, 3) float
+        Linear rotations.
+    still, moved : (k or 1, I, 3, 3, 3) float
+        `lever_sums` of places and of displacements.
+
+    Returns
+    -------
+    (k, I, 3) float
+    """
+
+    def read(turn: FloatArray, sums: FloatArray) -> FloatArray:
+        return np.trace(turn[:, :, None] @ sums, axis1=-2, axis2=-1)
+
+    hat = skew(turned)
+    more = skew(read(0.5 * hat @ hat, still) - read(hat, moved))
+    return read(0.5 * hat @ hat - more, moved) + read(0.5 * (hat @ more + more @ hat) - hat @ hat @ hat / 6.0, still)
+
+
+def turning_forces(
+    loads: FloatArray, moments: FloatArray, turned: FloatArray, still: FloatArray, moved: FloatArray
+) -> FloatArray:
+    """Gradient (3n, r, r) of the work of moments on rotation vectors of second order, by motions of both.
+
+    Parameters
+    ----------
+    loads : (3n, 3I) float
+        Nodal forces of unit moments.
+    moments, turned : (r, I, 3) float
+        Moments that cause motions, and linear rotations by them.
+    still, moved : (1, I, 3, 3, 3) and (r, I, 3, 3, 3) float
+        As of `fitted_rotation`.
+    """
+    force, hat = loads.reshape(len(loads) // 3, 3, -1, 3), skew(turned)
+    own = np.einsum("icxy,aic->aixy", still[0], moments)[:, None]
+    sums = 0.5 * (hat @ own + own @ hat) - np.einsum("bicxy,aic->abixy", moved, moments)
+    about = (sums - sums.swapaxes(-2, -1))[..., [1, 2, 0], [2, 0, 1]]
+    result = np.einsum("bixy,nyic,aic->nxab", hat, force, moments, optimize=True)
+    return (result + np.einsum("nxic,abic->nxab", force, about)).reshape(len(loads), len(turned), -1)
+
+
 def missed_energy(
-    body: ReducedBody, motions: FloatArray, loads: FloatArray, work: FloatArray, least: float
+    body: ReducedBody,
+    motions: FloatArray,
+    loads: FloatArray,
+    sums: Sequence[FloatArray],
+    work: FloatArray,
+    least: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Quartic form by which the work of loads on the tree's places exceeds that on those of the finite element model.
 
@@ -75,8 +133,10 @@ def missed_energy(
     body : ReducedBody
     motions : (r, m) float
         Modal coordinates of static responses.
-    loads : (r, I, 3) float
-        Forces on the interfaces that cause them, N.
+    loads : (r, I, 6) float
+        Forces and moments on the interfaces that cause them, N and N m.
+    sums : (1, I, 3, 3, 3) and (r, I, 3, 3, 3) float
+        `lever_sums` of places and of motions.
     work : (p, p) float
         Of the loads on the model's displacements of third order, by pairs of motions, J.
     least : float
@@ -95,9 +155,10 @@ def missed_energy(
     terms, which, times = np.unique(four, axis=0, return_inverse=True, return_counts=True)
     amplitudes = np.random.default_rng(0).standard_normal((_SAMPLES * len(terms), len(motions)))
     pairs = amplitudes[:, first] * amplitudes[:, second]
-    energy = np.einsum(
-        "kr,rij,kij->k", amplitudes, loads, third_order_places(body, amplitudes @ motions), optimize=True
-    )
+    q = amplitudes @ motions
+    third, turned = third_order_motion(body, q), np.einsum("icm,km->kic", body.interface_rotation, q)
+    third[..., 3:] -= fitted_rotation(turned, sums[0], np.tensordot(amplitudes, sums[1], 1))
+    energy = np.einsum("kr,rij,kij->k", amplitudes, loads, third, optimize=True)
     found = np.linalg.lstsq(amplitudes[:, terms].prod(axis=2), energy - ((pairs @ work) * pairs).sum(axis=1))[0]
     matrix = np.zeros(work.shape)
     # Equal parts of a term go to all products of two pairs that make it.

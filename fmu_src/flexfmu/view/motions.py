@@ -334,8 +334,7 @@ def live_view(body: FlexibleBody, alone: bool = True) -> View:
         "sizes": sizes,
         "on": on,
     }
-    held = len(model.properties.support_names) if model.properties is not None else 0
-    count = model.interface_count + held
+    count = model.interface_count + (len(model.properties.support_names) if model.properties is not None else 0)
     return replace(view, marks=view.marks[:count], mark_points=view.mark_points[:count], colour=DISPLACEMENT, live=live)
 
 

@@ -102,8 +102,7 @@ def draw_surface(
     seen = points @ camera.axes.T
     normals = face_normals(points, faces) @ camera.axes.T
     front = normals[:, 2] > 0.0
-    depth = seen[faces][:, :, 2].mean(axis=1)
-    drawn = np.flatnonzero(front)[np.argsort(depth[front])]
+    drawn = np.flatnonzero(front)[np.argsort(seen[faces][:, :, 2].mean(axis=1)[front])]
     shade = 0.58 + 0.42 * np.clip(normals[drawn] @ _LIGHT, 0.0, 1.0)
     tint = np.clip(colours[drawn] * shade[:, None] + 0.04, 0.0, 1.0)
     lines: dict[str, Any] = {"edgecolors": (0.07, 0.1, 0.14, 0.35), "linewidths": 0.3}

@@ -117,8 +117,7 @@ def _holding(element: Any, turning: bool) -> str:
         return "; its nodes are rigid" + ", and shells and beams turn with it, though 456 are free" * free
     if element.type == "RBE2":
         return f"; that it holds directions {element.cm} alone is left out: they may deform"
-    uneven = len({*element.weights}) > 1
-    return "; its weights are left out: the interface spreads loads evenly" * uneven
+    return "; its weights are left out: the interface spreads loads evenly" * (len({*element.weights}) > 1)
 
 
 def holds_rigid(element: Any) -> bool:

@@ -109,5 +109,4 @@ def _extend(groups: dict[str, Group], name: str, place: int, cells: Any) -> None
     if cells is None or not len(cells):
         return
     group = groups.setdefault(name, {})
-    known = group.get(place, np.zeros(0, dtype=np.int64))
-    group[place] = np.union1d(known, np.asarray(cells, dtype=np.int64))
+    group[place] = np.union1d(group.get(place, np.zeros(0, dtype=np.int64)), np.asarray(cells, dtype=np.int64))

@@ -239,8 +239,7 @@ def _transient(
         check_steps(duration, case.step)
     except ValueError as error:
         raise SceneError(f"{where}: {case.loads}: {error}") from error
-    count = int(np.ceil(duration / case.step * (1.0 - _ROUNDING)))
-    times = case.step * np.arange(count + 1)
+    times = case.step * np.arange(int(np.ceil(duration / case.step * (1.0 - _ROUNDING))) + 1)
 
     def at(time: float, side: str) -> Loads:
         values = [_value(rows[:, 0], rows[:, 1 + k], time, side) for k in range(len(columns))]
