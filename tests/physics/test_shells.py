@@ -266,10 +266,7 @@ def test_the_slit_annulus_is_lifted_far():
     assert found[mesh.labels == 6].mean() == pytest.approx(17.528, rel=0.01)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param("pulled cylinder", marks=pytest.mark.slow), pytest.param("half-cylinder", marks=pytest.mark.long)],
-)
+@pytest.mark.parametrize("name", ["pulled cylinder", pytest.param("half-cylinder", marks=pytest.mark.long)])
 def test_cylinders_are_pulled_and_pinched_far(name):
     # K. Y. Sze, X. H. Liu, S. H. Lo, Finite Elements Anal. Des. 40 (2004) 1551, sections 3.5 and 3.7.
     pulled = name == "pulled cylinder"

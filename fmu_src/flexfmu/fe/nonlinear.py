@@ -9,6 +9,7 @@ Appl. Mech. Engrg. 313 (2017) 986).
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,11 +108,9 @@ class _Body:
         """
         parts = [self._spring, self._of_bushings(displacement)[1]]
         for part, slopes, work in self._states(displacement):
-            local = change.reshape(-1, 3)[part.nodes]
-            moved = part.shape_slopes[..., : local.shape[1]] @ local
+            moved = part.shape_slopes[..., : part.nodes.shape[1]] @ change.reshape(-1, 3)[part.nodes]
             foreseen = work - part.work(_strains(part, moved, 0.5 * moved)[..., None])[..., 0]
-            matrices = part.eliminated(_tangent(part, slopes, foreseen))[0]
-            parts.append(assembled(part.nodes, matrices, displacement.size))
+            parts.append(assembled(part.nodes, part.eliminated(_tangent(part, slopes, foreseen))[0], displacement.size))
         return summed(parts)
 
     def _state(self, number: int, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -209,8 +208,7 @@ def load_path(
                 continue
             u, reached = solution, target
             report.note(f"{100.0 * reached:.4g} % of the load after {used} iterations")
-            if used < _EASY:
-                increment *= 2.0
+            increment *= 2.0 if used < _EASY else 1.0
         found.append(u.copy() if means is None else means @ u)
     return LoadPath(np.asarray(factors, dtype=np.float64), np.array(found), increments, iterations)
 
@@ -226,12 +224,14 @@ def _newton(
     u, foreseen, before, step = start.copy(), 0.0, size, np.zeros_like(start)
     residual = unknowns.forces(load - body.forces(u))
     for iteration in range(1, _ITERATIONS + 1):
-        if not kept:
-            try:
-                kept.append(Factorisation(unknowns.matrix(body.tangent(u, step)), unknowns.free // 3, order))
-            except ModelError:
-                return None, iteration
-        if not kept[0].positive_definite:
+        # Stress foreseen from far off may make unstable what the displacement's own does not: then that is taken.
+        for known in (step, 0.0 * step)[:iteration]:
+            with suppress(ModelError):
+                kept[:] = kept or [Factorisation(unknowns.matrix(body.tangent(u, known)), unknowns.free // 3, order)]
+                if kept[0].positive_definite:
+                    break
+            kept.clear()
+        else:
             return None, iteration
         change = kept[0].solve(residual)
         foreseen = foreseen or float(np.linalg.norm(change))
