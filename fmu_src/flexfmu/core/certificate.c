@@ -352,11 +352,11 @@ static double moved_by_flattening(Body *body, Room *room, const double *q) {
 /* Bound of an error of which the shadow finds a share: near a critical load what it does not see grows as well. Of flattening,
  * `flat` of the deflection, only the first order is known: in tubes and pipe bends what is missed is 0.2 to 2 times as much.
  * Large strain it does not know: a bar that is pulled by EA (e + 3/2 e^2 + 1/2 e^3) is off by 2 e^2, and strain is larger than
- * its mean. A shadow that knows the third order of motions under forces has both in its share; what other motions lack is no sum
- * with it. Of others the next order after the second, `within` of the deflection, is that of a cosine. */
+ * its mean. A shadow that knows the third order has both in its share, and of strain the next order is missed; what motions lack
+ * that it knows of no loads is no sum with it. Of others the next order after the second, `within` of the deflection, is that of a cosine. */
 static double bound_of(double share, double soft, double within, double flat, double strain, int third) {
     if (!(share > 0.0)) return 0.0;
-    const double seen = MARGIN * share / soft, unseen = 2.0 * MARGIN * flat + 4.0 * strain * strain;
+    const double seen = MARGIN * share / soft, unseen = 2.0 * MARGIN * flat + 4.0 * strain * strain * (third ? strain : 1.0);
     return third ? fmax(seen, unseen) : seen + unseen + MARGIN * within * within / 6.0;
 }
 

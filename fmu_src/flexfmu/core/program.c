@@ -95,7 +95,7 @@ static const char *inconsistent(const Program *p) {
         (p->turns && (!s || p->tied || p->by_load_given || p->by_mode_given || p->parent[0] != -1 || p->placement != PLACE_DEFORMED ||
                       p->rigid != p->turn_axes + 3 * p->turn_slides)))
         return "a body that turns freely is none";
-    if (p->rigid >= m || p->elastic_first + p->elastic_count > m || p->turning_limit > 100 || p->strain_limit > 100) return "modes are out of range";
+    if (p->rigid >= m || p->elastic_first + p->elastic_count > m || p->turning_limit > 100 || p->strain_limit > 300) return "modes are out of range";
     if (!positive(p->omega, p->rigid, 1) || !positive(p->omega + p->rigid, m - p->rigid, 0)) return "frequencies are not positive";
     for (int64_t j = 0; j < p->rigid; j++)
         if (p->omega[j] != 0.0) return "rigid motions have frequencies";

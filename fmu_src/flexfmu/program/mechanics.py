@@ -176,9 +176,11 @@ def _put_watched(draft: Draft, body: ReducedBody, recipe: Recipe, tree: Tree) ->
     """Rotations within frames, and stress."""
     turning, turning_frame = _turning(body, tree.frames)
     points = [part.stress.reshape(-1, 6, body.mode_count) for part in body.stress_sets]
+    # What large strain makes of a body in one piece that is held its shadow knows to third order.
+    known = body.shadow is not None and not (body.rigid_count or body.ties or body.shadow.body.ties)
     draft.sizes |= {
         "turning_limit": _FIRST_ORDER if recipe.kinematics in _WRONG_AT_FIRST_ORDER else 100,
-        "strain_limit": 100 if recipe.kinematics is Kinematics.SECOND_ORDER else _FIRST_ORDER,
+        "strain_limit": (300 if known else 100) if recipe.kinematics is Kinematics.SECOND_ORDER else _FIRST_ORDER,
         "stress_sets": len(points),
         "stress_points": sum(len(part) for part in points),
         "strains": 0 if body.watched_strain is None else len(body.watched_strain),

@@ -254,8 +254,7 @@ def _transient(
 
 def _value(times: FloatArray, values: FloatArray, time: float, side: str) -> float:
     """A column at a time, linear between rows; at a jump the value before it ("left") or after it ("right")."""
-    close = _ROUNDING * max(abs(time), float(times[-1]), 1e-300)
-    same = np.flatnonzero(np.abs(times - time) <= close)
+    same = np.flatnonzero(np.abs(times - time) <= _ROUNDING * max(abs(time), float(times[-1]), 1e-300))
     if same.size:
         return float(values[same[0] if side == "left" else same[-1]])
     return float(np.interp(time, times, values))
