@@ -252,7 +252,8 @@ def test_what_places_miss_at_third_order_is_told_as_it_is(make, load):
     true, told = true_error(body, model, state, loads), model.error(state, loads)
     assert true > 3e-4
     assert told.relative == pytest.approx(true, rel=0.1)
-    assert told.bound < 2.5 * told.relative
+    # Of large strain no more is missed.
+    assert told.bound < (1.5 if make is block else 2.5) * told.relative
 
 
 def sag(moved):
