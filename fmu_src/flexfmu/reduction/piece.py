@@ -52,10 +52,9 @@ from .subdomains import FrameOperators, Subdomain, carrying_frame, frame_operato
 from .surface import body_surface, carrying_frames, second_order_fields, surface_nodes
 from .watched import watched_material
 
-# Share of an interface's nodes outside the frame that carries it which is worth a warning.
-_SPREAD = 0.1
-# Share of the body's size below which it does not matter.
-_SHORT = 0.25
+# Share of an interface's nodes outside the frame that carries it which is worth a warning, and of the body's size below
+# which it does not matter.
+_SPREAD, _SHORT = 0.1, 0.25
 # How far from the middle of a bore all its nodes are, over the farthest: all of it is one joint.
 _HOLLOW = 0.25
 # Share of the body's nodes that no interface is likely to have.
@@ -181,7 +180,8 @@ def reduced_piece(
         found = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, own))
         shadow = Shadow(finer, found)
         stretching = finer_basis.stretching(divided)
-        third = None if finer.ties or cut else partial(completed_shadow, stretching, shadow)
+        drifting_rollers = finer.frame_count > 1 and (model.fixed.any(axis=1) & ~model.fixed.all(axis=1)).any()
+        third = None if finer.ties or cut or drifting_rollers else partial(completed_shadow, stretching, shadow)
         return replace(piece, body=replace(body, shadow=shadow), shadow_work=warping.T @ shapes, third=third)
 
     piece = Reduced(body, work, work, fine, own, span, certified)
