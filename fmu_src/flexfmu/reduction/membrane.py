@@ -233,7 +233,10 @@ class Stretching:
         """The same, and what the places of a body with it miss at third order in its softest motions under loads."""
         unit, mesh, count = self._shapes / self._omega, self.matrices.model.mesh, self.loads.shape[1] // 2
         # Motions of unit energy, and the loads that cause them, which no rigid motion feels.
-        ways = balanced(self.matrices.supported, self.matrices.supported.forces(self.loads))
+        # Where nodes roll, what holds them works on how moments have frames drift.
+        fixed = self.matrices.model.fixed
+        some = count if (fixed.any(axis=1) & ~fixed.all(axis=1)).any() else None
+        ways = balanced(self.matrices.supported, self.matrices.supported.forces(self.loads))[:, :some]
         caused, sizes, found = np.linalg.svd((self.loads @ ways).T @ unit, full_matrices=False)
         kept = sizes > _SOFT * sizes.max(initial=0.0)
         if not kept.any():

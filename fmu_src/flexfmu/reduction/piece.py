@@ -180,8 +180,7 @@ def reduced_piece(
         found = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, own))
         shadow = Shadow(finer, found)
         stretching = finer_basis.stretching(divided)
-        drifting_rollers = finer.frame_count > 1 and (model.fixed.any(axis=1) & ~model.fixed.all(axis=1)).any()
-        third = None if finer.ties or cut or drifting_rollers else partial(completed_shadow, stretching, shadow)
+        third = None if finer.ties or cut else partial(completed_shadow, stretching, shadow)
         return replace(piece, body=replace(body, shadow=shadow), shadow_work=warping.T @ shapes, third=third)
 
     piece = Reduced(body, work, work, fine, own, span, certified)
