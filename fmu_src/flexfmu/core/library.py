@@ -257,8 +257,7 @@ class Core:
         rounds : int
         """
         q, share, rounds = np.zeros(self.modes), np.zeros(1), np.zeros(1, dtype=np.int64)
-        answer = self._ask("static", inputs, q, share, rounds)
-        return StepAnswer(answer), q, float(share[0]), int(rounds[0])
+        return StepAnswer(self._ask("static", inputs, q, share, rounds)), q, float(share[0]), int(rounds[0])
 
     def step(
         self, q: FloatArray, v: FloatArray, loads: FloatArray, step: float, end: FloatArray | None = None, hint: int = 1

@@ -21,8 +21,8 @@ _ORTHONORMALITY_LIMIT = 1e-9
 _MASSLESS = 1e6
 # Mass over what it would be of parts of like sign, and share of a scaled mass, that is none.
 _NO_MASS = 1e-12
-# Unknowns of a mesh whose modes a second of dense algebra finds.
-_FEW = 1500
+# Unknowns of a mesh that is small enough to look at all its mass.
+_FEW = 400
 # Far below what a mesh leaves open of a frequency.
 _FREQUENCY_LIMIT = 1e-3
 # Twist of prisms alone passes both of their points by.
@@ -265,18 +265,17 @@ def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
             solution -= released @ np.linalg.solve(compliance, gap)
         return solution
 
-    # A fixed start with all wave lengths in it makes a rebuild repeat the same iteration.
-    start = inverse(m @ np.random.default_rng(0).standard_normal(model.free.size))
-    operator = spla.LinearOperator(k.shape, matvec=inverse, dtype=np.float64)
-    try:
-        _, vectors = spla.eigsh(k, k=asked, M=m, sigma=0.0, OPinv=operator, v0=start, maxiter=300)
-        # A Rayleigh-Ritz step removes what is left of the iteration's lack of orthogonality.
-        squares, vectors = _rayleigh_ritz(k, m, vectors)
-    except (spla.ArpackError, AccuracyError) as error:
-        # Where motions have no mass, as in a few C3D20R elements, the iteration drifts among them.
-        if model.free.size > _FEW:
+    vectors = _of_few(m, inverse, asked) if model.free.size <= _FEW else None
+    if vectors is None:
+        # A fixed start with all wave lengths in it makes a rebuild repeat the same iteration.
+        start = inverse(m @ np.random.default_rng(0).standard_normal(model.free.size))
+        operator = spla.LinearOperator(k.shape, matvec=inverse, dtype=np.float64)
+        try:
+            _, vectors = spla.eigsh(k, k=asked, M=m, sigma=0.0, OPinv=operator, v0=start)
+        except spla.ArpackError as error:
             raise AccuracyError(f"the eigenvalue iteration failed ({error}); ask for fewer modes") from error
-        squares, vectors = _rayleigh_ritz(k, m, _of_few(m, inverse, asked))
+    # One Rayleigh-Ritz step removes what is left of the iteration's lack of orthogonality.
+    squares, vectors = _rayleigh_ritz(k, m, vectors)
     splits = bool(squares[count] - squares[count - 1] < _DEGENERATE * squares[count])
     squares, vectors = squares[:count], _fixed_axes(squares[:count], vectors[:, :count])
     orthonormality = _checked_orthonormality(m, vectors)
@@ -284,16 +283,20 @@ def _lowest(model: Supported, count: int, held: FloatArray) -> Modes:
     return Modes(np.sqrt(squares), model.whole(vectors), orthonormality, accuracy, splits)
 
 
-def _of_few(m: sp.csr_array, inverse: Callable[[FloatArray], FloatArray], asked: int) -> FloatArray:
-    """Softest motions (k, asked) of few unknowns: with M = FFᵀ they are K⁻¹Fy, where FᵀK⁻¹F y = y / ω²."""
+def _of_few(m: sp.csr_array, inverse: Callable[[FloatArray], FloatArray], asked: int) -> FloatArray | None:
+    """Softest motions (k, asked) of few unknowns: with M = FFᵀ they are K⁻¹Fy, where FᵀK⁻¹F y = y / ω².
+
+    None where all motions have mass; where some have none, as in a few C3D20R elements, iteration drifts among them.
+    """
     scale = np.sqrt(np.where(m.diagonal() > 0.0, m.diagonal(), 1.0))
     share, directions = np.linalg.eigh(m.toarray() / np.outer(scale, scale))
+    if share[0] > _NO_MASS:
+        return None
     factor = scale[:, None] * (directions * np.sqrt(np.maximum(share, 0.0)))[:, share > _NO_MASS]
-    parts = np.linalg.eigh(factor.T @ inverse(factor))[1]
     # A C3D20R element has mass at eight points alone.
     if asked > factor.shape[1]:
         raise AccuracyError(f"{asked} modes are wanted, and {factor.shape[1]} have mass; ask for fewer modes")
-    return inverse(factor @ parts[:, : -asked - 1 : -1])
+    return inverse(factor @ np.linalg.eigh(factor.T @ inverse(factor))[1][:, : -asked - 1 : -1])
 
 
 def _checked(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray, omega: FloatArray, found: FloatArray) -> float:
@@ -337,7 +340,7 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
     masses, parts = (np.einsum("ij,ij->j", v, one @ v) for v, one in ((vectors, m), (abs(vectors), abs(m))))
     # Of what has none round-off is left, of either sign.
     if not np.all(masses > _NO_MASS * parts):
-        raise AccuracyError("some modes have no mass")
+        raise AccuracyError("some modes have no mass: ask for fewer modes")
     vectors = vectors / np.sqrt(masses)
     try:
         squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
