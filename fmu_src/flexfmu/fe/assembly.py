@@ -306,6 +306,13 @@ def summed(parts: Iterable[sp.csr_array]) -> sp.csr_array:
     return total
 
 
+def add_nodal(total: FloatArray, nodes: IntArray, parts: FloatArray) -> None:
+    """Add what elements have at their nodes (e, a), parts (e, a, …), to a total (n, …) of all nodes."""
+    some, place = np.unique(nodes, return_inverse=True)
+    spread = sp.csr_array((np.ones(nodes.size), (place.ravel(), np.arange(nodes.size))))
+    total[some] += (spread @ parts.reshape(nodes.size, -1)).reshape(-1, *total.shape[1:])
+
+
 def mean_gradient(mesh: Mesh, elements: IntArray) -> tuple[IntArray, FloatArray]:
     """Mean displacement gradient over the volume of some elements, as a sum over their nodes.
 

@@ -15,7 +15,7 @@ from ..files.outputs import Tell, tell_nobody
 from ..mesh.elements import ElementBlock, ElementType
 from ..mesh.model import Mesh, once
 from ..mesh.shapes import LINEAR
-from .assembly import CHUNK, elastic_cells, scatter, summed
+from .assembly import CHUNK, add_nodal, elastic_cells, scatter, summed
 from .layers import Cells, cells, turning
 from .shells import face_rule, face_stress, inner_rule, local_stress
 
@@ -94,7 +94,7 @@ def quadratic_strain(mesh: Mesh, shapes: FloatArray, pairs: IntArray, tell: Tell
         strain = some.products(some.slopes(phi), pairs)
         work = some.work(strain)
         nodal, relaxed = some.relaxed(some.nodal(work))
-        np.add.at(forces, some.nodes, nodal)
+        add_nodal(forces, some.nodes, nodal)
         energies -= relaxed
         left, right = strain.reshape(-1, len(pairs)), work.reshape(-1, len(pairs))
         # The upper triangle, by strips.
@@ -166,7 +166,7 @@ def turned_stress(mesh: Mesh, shapes: FloatArray, forces: FloatArray, pairs: Int
     for some in _some(mesh, max(len(pairs), modes), tell):
         gradient = some.displacement_gradient(u)
         turn = 0.5 * (gradient - gradient.swapaxes(2, 3))
-        np.add.at(result, some.nodes, _turned(some, turn, some.work(some.strains(u)), pairs))
+        add_nodal(result, some.nodes, _turned(some, turn, some.work(some.strains(u)), pairs))
         # The integral of the rotation over an element goes to each of its nodes.
         mean = np.einsum("eqijm,eq->eijm", turn, some.volume)
         np.add.at(spin, some.nodes, np.broadcast_to(mean[:, None], (*some.nodes.shape, *mean.shape[1:])))
@@ -183,10 +183,8 @@ def turned_stress(mesh: Mesh, shapes: FloatArray, forces: FloatArray, pairs: Int
 
 def _turned(some: Cells, turn: FloatArray, work: FloatArray, pairs: IntArray) -> FloatArray:
     """Forces (e, a, 3, p) of what works on strains of fields (e, r, k), turned by turns (e, q, 3, 3, k)."""
-    slopes = some.turned(turn)
-    found = np.stack([some.operator(slopes[..., a]).swapaxes(1, 2) @ work for a in range(slopes.shape[3])], axis=2)
-    both = 0.5 * (found + found.swapaxes(2, 3))[:, :, pairs[:, 0], pairs[:, 1]]
-    return some.relaxed(both.reshape(len(both), -1, 3, len(pairs)))[0]
+    found = some.nodal(work, some.turned(turn))
+    return some.relaxed(0.5 * (found + found.swapaxes(3, 4))[..., pairs[:, 0], pairs[:, 1]])[0]
 
 
 def stressed_gradients(mesh: Mesh, fields: FloatArray, responses: FloatArray, pairs: IntArray) -> FloatArray:
@@ -219,8 +217,8 @@ def stressed_gradients(mesh: Mesh, fields: FloatArray, responses: FloatArray, pa
         strain += some.strains(w) + some.relaxation(some.work(strain))
         strain *= np.where(pairs[:, 0] == pairs[:, 1], 1.0, 2.0)
         work = some.work(np.concatenate([some.strains(u), strain], axis=2))
-        for a in range(m):
-            np.add.at(result[:, :, a], some.nodes, some.relaxed(some.nodal(work, slopes[..., a]))[0])
+        forces = some.nodal(work, slopes)
+        add_nodal(result, some.nodes, some.relaxed(forces.reshape(*forces.shape[:3], -1))[0])
     return result.reshape(3 * count, m, -1)
 
 

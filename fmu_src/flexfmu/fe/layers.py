@@ -119,15 +119,20 @@ class Cells:
         return stress.reshape(len(stress), -1, strains.shape[2]) * np.tile(self.volume, 6)[:, :, None]
 
     def nodal(self, work: FloatArray, slopes: FloatArray | None = None) -> FloatArray:
-        """Forces (e, a + b, 3, k) of what works on strains (e, r, k) where the places have slopes, as of `operator`."""
+        """Forces (e, a + b, 3, …, k) of what works on strains (e, r, k) where places have slopes, as of `operator`."""
+        several = () if slopes is None else slopes.shape[3:]
         found = (self.undeformed_operator if slopes is None else self.operator(slopes)).swapaxes(1, 2) @ work
-        return found.reshape(len(found), -1, 3, work.shape[2])
+        return found.reshape(len(found), -1, 3, *several, work.shape[2])
 
     def operator(self, slopes: FloatArray) -> FloatArray:
-        """B (e, r, 3(a + b)): Green-Lagrange strains, shear twice, per displacement, where places have slopes."""
-        base, slope = slopes[:, :, None], self.shape_slopes[..., None]
+        """B (e, r, 3(a + b)): Green-Lagrange strains, shear twice, per displacement, where places have slopes.
+
+        Of several slopes (e, s, 3, …) all at once.
+        """
+        base, slope = slopes.reshape(*slopes.shape[:2], 1, -1), self.shape_slopes[..., None]
         i, j = self.rows.T
-        b = slope[:, i] * base[:, j] + slope[:, j] * np.where(i == j, 0.0, 1.0)[:, None, None] * base[:, i]
+        b = slope[:, i] * base[:, j]
+        b += slope[:, j] * (np.where(i == j, 0.0, 1.0)[:, None, None] * base[:, i])
         return b.reshape(*b.shape[:2], -1)
 
     @cached_property

@@ -19,7 +19,7 @@ from ..files.basics import AccuracyError, FloatArray, IntArray, ModelError
 from ..files.outputs import Reporter
 from ..files.threads import in_one_thread
 from ..mesh.model import Mesh
-from .assembly import CHUNK, Unknowns, assembled, elastic_cells, summed
+from .assembly import CHUNK, Unknowns, add_nodal, assembled, elastic_cells, summed
 from .factorisation import Factorisation, dissection_order
 from .layers import Cells
 
@@ -89,7 +89,7 @@ class _Body:
         """Internal forces (3n,), N."""
         result = (self._spring @ displacement).reshape(-1, 3)
         for part, slopes, work in self._states(displacement):
-            np.add.at(result, part.nodes, part.nodal(work[..., None], slopes)[..., 0][:, : part.nodes.shape[1]])
+            add_nodal(result, part.nodes, part.nodal(work[..., None], slopes)[:, : part.nodes.shape[1], :, 0])
         return result.ravel() + self._of_bushings(displacement)[0]
 
     def _of_bushings(self, displacement: FloatArray) -> tuple[FloatArray, sp.csr_array]:

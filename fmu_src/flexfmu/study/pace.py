@@ -13,13 +13,11 @@ T = TypeVar("T")
 # A fixed piece of work is done so many times to see how busy the machine is; up to such a slowdown it counts as calm.
 _WORK, _CALM = 150, 1.25
 # Where it is not, blocks are repeated up to so many, with pauses (s).
-_MOST_BLOCKS, _PAUSE = 9, 0.01
-# Long blocks are not repeated once they have taken this long (s), if there are at least so many.
-_LONG, _FEWEST_BLOCKS = 2.0, 3
-# Where the two fastest of calm ones agree within this, others would not be faster.
-_AGREE = 1.01
+_MOST_BLOCKS, _PAUSE = 6, 0.01
+# Long blocks are not repeated once all have taken this long (s).
+_LONG = 2.0
 
-BLOCKS = 7
+BLOCKS = 4
 """Blocks that count."""
 # Time that a block may take, s, if that is enough for a few steps; and steps of a block.
 _BLOCK_TIME, _SHORTEST, _LONGEST = 0.02, 10, 300
@@ -78,7 +76,7 @@ def timed_piece(rows: Sequence[T], took: float) -> list[T]:
 
 
 def calm_blocks(block: Callable[[], tuple[float, ...]]) -> list[tuple[float, tuple[float, ...]]]:
-    """Do a block of work until the machine was calm often enough, or its fastest times agree.
+    """Do a block of work until the machine was calm often enough.
 
     Parameters
     ----------
@@ -99,11 +97,8 @@ def calm_blocks(block: Callable[[], tuple[float, ...]]) -> list[tuple[float, tup
         wall, own = time.perf_counter() - wall, time.thread_time() - own
         shared = wall / own if own > 0.0 else 1.0
         done.append((max(before, shared, _PACE.slowdown()), told))
-        calm = [told for busy, told in done if busy <= _CALM]
-        times = map(sorted, zip(*calm, strict=True))
-        agree = len(calm) >= _FEWEST_BLOCKS and all(b <= _AGREE * a for a, b, *_ in times)
-        late = len(done) >= _FEWEST_BLOCKS and time.perf_counter() - begun > _LONG
-        if len(calm) >= BLOCKS or agree or late:
+        late = time.perf_counter() - begun > _LONG
+        if sum(busy <= _CALM for busy, _ in done) >= BLOCKS or (late and len(done) >= BLOCKS):
             break
         if done[-1][0] > _CALM:
             # Someone else is at work: wait a little.
