@@ -17,6 +17,7 @@ from demo.rear_axle import scene_tables
 from chromium import opened
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.config import read_body_file
+from flexfmu.calls import functions
 from flexfmu.core.interface import read_image
 from flexfmu.files.basics import OutputError, SimulationError
 from flexfmu.files.outputs import Reporter
@@ -336,6 +337,22 @@ def test_a_coarse_sweep_is_drawn_first_and_the_front_s_neighbours_come_next(bent
     everything = sweep(scene, tmp_path / "all.csv", Reporter(), store, fmu=False, look=looks.append)
     assert looks == [f"{total} of {total} models"]
     assert recommended(rows, cost_axis(rows)).key == recommended(everything, cost_axis(everything)).key
+
+
+@pytest.mark.parametrize("early", ["page", "picture"])
+def test_a_page_is_there_before_its_picture(early, tmp_path, monkeypatch):
+    """Drawing a picture takes a hundred times as long; alone it comes early, too."""
+    seen, asked = [], {"picture": tmp_path / "c.png", "page": tmp_path / "c.html"}
+    asked = {name: path for name, path in asked.items() if early in ("page", name)}
+
+    def swept(*given):
+        for extent in ("coarse: 10 of 60 models", "60 of 60 models"):
+            given[-1](extent)
+            seen.append({name for name, path in asked.items() if path.exists()})
+
+    monkeypatch.setattr(sweeping, "sweep", swept)
+    functions.chart(BEAM / "body.toml", BEAM / "scene.toml", BEAM / "records.csv", report=Reporter(), **asked)
+    assert seen == [{early}, set(asked)]
 
 
 @pytest.mark.parametrize("demo", ["clamped_beam", "l_frame", "rear_axle"])

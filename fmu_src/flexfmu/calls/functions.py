@@ -243,8 +243,10 @@ def chart(
         found = read_scene(Path(scene), Path(body))
 
         def look(extent: str) -> None:
-            drawn[:] = [draw(paths, picture, page, extent if len(paths) == 1 else "")]
-            if extent.startswith("coarse"):
+            # The page takes a hundredth of the picture's time.
+            early = extent.startswith("coarse")
+            drawn[:] = [draw(paths, None if early and page else picture, page, extent if len(paths) == 1 else "")]
+            if early:
                 report.note(f"{extent}: {drawn[0].finding}")
 
         with Crew(jobs) as crew:

@@ -117,11 +117,10 @@ def mean_spin(mesh: Mesh, shapes: FloatArray) -> FloatArray:
     """
     total, volume = np.zeros((shapes.shape[1], shapes.shape[1])), 0.0
     for some in _some(mesh, shapes.shape[1]):
-        gradient = some.displacement_gradient(shapes.reshape(len(mesh.points), 3, -1))
-        # |ω|² is a quarter of the sum over all places of a gradient less its transpose, halved.
-        spin = (gradient - gradient.swapaxes(2, 3)) * np.sqrt(some.volume)[:, :, None, None, None]
-        rows = spin.reshape(-1, shapes.shape[1])
-        total += 0.125 * rows.T @ rows
+        turn = some.turn(shapes.reshape(len(mesh.points), 3, -1)) * np.sqrt(some.volume)[:, :, None, None, None]
+        rows = turn.reshape(-1, shapes.shape[1])
+        # |ω|² is half of the sum over all places of the turn.
+        total += 0.5 * rows.T @ rows
         volume += float(some.volume.sum())
     return total / volume
 
@@ -130,8 +129,7 @@ def own_spin(mesh: Mesh, shapes: FloatArray) -> FloatArray:
     """Means (m,) of |ω|² over where motions (3n, m) turn the material: ∫ |ω|⁴ dV / ∫ |ω|² dV, ω = ½ curl u."""
     square, fourth = np.zeros((2, shapes.shape[1]))
     for some in _some(mesh, shapes.shape[1]):
-        gradient = some.displacement_gradient(shapes.reshape(len(mesh.points), 3, -1))
-        spin = 0.125 * ((gradient - gradient.swapaxes(2, 3)) ** 2).sum(axis=(2, 3))
+        spin = 0.5 * (some.turn(shapes.reshape(len(mesh.points), 3, -1)) ** 2).sum(axis=(2, 3))
         square += np.einsum("eq,eqm->m", some.volume, spin)
         fourth += np.einsum("eq,eqm->m", some.volume, spin**2)
     return fourth / np.where(square > 0.0, square, 1.0)
@@ -164,9 +162,9 @@ def turned_stress(mesh: Mesh, shapes: FloatArray, forces: FloatArray, pairs: Int
     result = np.zeros((count, 3, len(pairs)))
     spin, volume, u = np.zeros((count, 3, 3, modes)), np.zeros(count), shapes.reshape(count, 3, modes)
     for some in _some(mesh, max(len(pairs), modes), tell):
-        gradient = some.displacement_gradient(u)
-        turn = 0.5 * (gradient - gradient.swapaxes(2, 3))
-        add_nodal(result, some.nodes, _turned(some, turn, some.work(some.strains(u)), pairs))
+        turn = some.turn(u)
+        found = some.nodal(some.work(some.strains(u)), some.turned(turn))
+        add_nodal(result, some.nodes, some.relaxed(0.5 * (found + found.swapaxes(3, 4))[..., *pairs.T])[0])
         # The integral of the rotation over an element goes to each of its nodes.
         mean = np.einsum("eqijm,eq->eijm", turn, some.volume)
         np.add.at(spin, some.nodes, np.broadcast_to(mean[:, None], (*some.nodes.shape, *mean.shape[1:])))
@@ -179,12 +177,6 @@ def turned_stress(mesh: Mesh, shapes: FloatArray, forces: FloatArray, pairs: Int
         both += np.einsum("nij,nj->ni", spin[..., b], applied[..., a])
         result[..., pair] -= 0.5 * both
     return result.reshape(3 * count, -1)
-
-
-def _turned(some: Cells, turn: FloatArray, work: FloatArray, pairs: IntArray) -> FloatArray:
-    """Forces (e, a, 3, p) of what works on strains of fields (e, r, k), turned by turns (e, q, 3, 3, k)."""
-    found = some.nodal(work, some.turned(turn))
-    return some.relaxed(0.5 * (found + found.swapaxes(3, 4))[..., pairs[:, 0], pairs[:, 1]])[0]
 
 
 def stressed_gradients(mesh: Mesh, fields: FloatArray, responses: FloatArray, pairs: IntArray) -> FloatArray:

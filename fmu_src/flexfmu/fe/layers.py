@@ -84,10 +84,11 @@ class Cells:
         """∂u/∂X_J (e, 3q, 3, k) of displacements (n, 3, k), with what the elements' own shape functions add."""
         return _product(self.shape_slopes, self.amplitudes(fields))
 
-    def displacement_gradient(self, fields: FloatArray) -> FloatArray:
-        """∂u_i/∂X_J (e, q, 3, 3, k) of displacements (n, 3, k), with what the elements' own shape functions add."""
+    def turn(self, fields: FloatArray) -> FloatArray:
+        """½ (∇u − ∇uᵀ) (e, q, 3, 3, k) of displacements (n, 3, k), with what the elements' own shape functions add."""
         found = _product(_rows(self.gradient), self.amplitudes(fields))
-        return found.reshape(len(found), -1, 3, *found.shape[2:]).swapaxes(2, 3)
+        found = found.reshape(len(found), -1, 3, *found.shape[2:])
+        return 0.5 * (found.swapaxes(2, 3) - found)
 
     def amplitudes(self, fields: FloatArray) -> FloatArray:
         """Displacements (e, a + b, 3, k) of the nodes, and amplitudes of the own shape functions in equilibrium."""

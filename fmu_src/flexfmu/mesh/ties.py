@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..files.basics import FloatArray, IntArray, MeshError
 from .elements import face_corners
@@ -43,6 +42,9 @@ def nearest_faces(
     dict of int to (tuple of int, (a,) float)
         Nodes of the face and their shape functions at the nearest place, by node; those farther away are left out.
     """
+    # Its import takes a tenth of a second.
+    from scipy.spatial import cKDTree
+
     best: dict[int, tuple[float, tuple[int, ...], FloatArray]] = {}
     for block in faces if len(nodes) else ():
         centre = points[block].mean(axis=1)

@@ -15,6 +15,8 @@ _CROSS = np.zeros((3, 9))
 _CROSS[0, [5, 7]] = -1.0, 1.0
 _CROSS[1, [2, 6]] = 1.0, -1.0
 _CROSS[2, [1, 3]] = -1.0, 1.0
+PERMUTATION = np.zeros((3, 3, 3))
+PERMUTATION[[0, 1, 2], [1, 2, 0], [2, 0, 1]], PERMUTATION[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = 1.0, -1.0
 
 
 def skew(vector: FloatArray) -> FloatArray:
@@ -63,3 +65,25 @@ def from_ground(
     whole = np.broadcast_to(reference, turn.shape)
     d = displacement + product(whole, change) + 0.5 * product(whole, -skew(arm) @ reference)
     return d, rotation + 0.5 * product(whole, turn)
+
+
+def turned_by(vector: FloatArray) -> FloatArray:
+    """Rotations (..., 3, 3) of rotation vectors (..., 3), complex ones too."""
+    square = (vector**2).sum(axis=-1)[..., None, None]
+    small = np.abs(square) < 1e-8
+    angle = np.sqrt(np.where(small, 1.0, square))
+    one = np.where(small, 1.0 - square / 6.0, np.sin(angle) / angle)
+    two = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(angle)) / np.where(small, 1.0, square))
+    cross = np.einsum("ijk,...j->...ik", PERMUTATION, vector)
+    return np.eye(3) + one * cross + two * cross @ cross
+
+
+def rotation_vector(rotation: FloatArray) -> FloatArray:
+    """Rotation vectors (..., 3) of rotations (..., 3, 3) by less than half a turn, complex ones too."""
+    sine = 0.5 * np.einsum("ijk,...kj->...i", PERMUTATION, rotation)
+    square, cosine = (sine**2).sum(axis=-1), 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0)
+    # Near half a turn the sine is as small.
+    small = (np.abs(square) < 1e-8) & (cosine.real > 0.0)
+    size = np.sqrt(np.where(small, 1.0, square))
+    angle = np.where(small, 1.0 + square / 6.0, 2.0 * np.arctan(size / (1.0 + cosine)) / size)
+    return sine * angle[..., None]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..files.basics import FloatArray, IntArray, ModelError
 from ..mesh.model import Along, SpringDamper
+from ..model.rotations import PERMUTATION, rotation_vector, turned_by
 
 # A bushing's averaged motion couples all of its nodes.
 _MOST_AVERAGED = 2000
@@ -23,8 +24,6 @@ _FLAT = 1e-9
 # Step of complex differences, and of central differences of these, over the size of a spring.
 _TINY, _SMALL = 1e-30, 3e-5
 _ROUNDS = 60
-_PERMUTATION = np.zeros((3, 3, 3))
-_PERMUTATION[[0, 1, 2], [1, 2, 0], [2, 0, 1]], _PERMUTATION[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = 1.0, -1.0
 _Numbers = NDArray[Any]
 
 
@@ -63,8 +62,8 @@ class End:
         lie = self.spread + z[..., 3:].reshape(*z.shape[:-1], 3, 3).swapaxes(-1, -2)
         for _ in range(_ROUNDS):
             seen = found.swapaxes(-1, -2) @ lie
-            step = np.einsum("ijk,...kj->...i", _PERMUTATION, seen) @ self._ease
-            found = found @ _turn(step)
+            step = np.einsum("ijk,...kj->...i", PERMUTATION, seen) @ self._ease
+            found = found @ turned_by(step)
             if np.abs(step.real).max(initial=0.0) < 1e-14 and np.abs(step.imag).max(initial=0.0) < 1e-14 * _TINY:
                 break
         return found
@@ -115,11 +114,11 @@ class SpringReading:
         if spring.along is Along.FIXED:
             apart = spring.places[0] - spring.places[1]
             shift = a.at(own, turn, spring.places[0]) - b.at(other, carrier, spring.places[1]) - apart
-            angle = _vector(turn) - _vector(carrier)
+            angle = rotation_vector(turn) - rotation_vector(carrier)
         else:
             shift = a.at(own, turn, spring.joint) - b.at(other, carrier, spring.joint)
             back = carrier.swapaxes(-1, -2)
-            shift, angle = (back @ shift[..., None])[..., 0], _vector(back @ turn)
+            shift, angle = (back @ shift[..., None])[..., 0], rotation_vector(back @ turn)
         return np.concatenate([shift, angle], axis=-1) @ np.kron(np.eye(2), axes).T
 
     def slope(self, z: FloatArray) -> FloatArray:
@@ -224,24 +223,3 @@ class Bushings:
             values.append(tangent.ravel())
         place = (np.concatenate(rows), np.concatenate(columns))
         return force, sp.csr_array(sp.coo_array((np.concatenate(values), place), shape=(self.size, self.size)))
-
-
-def _turn(vector: _Numbers) -> _Numbers:
-    """Rotations (..., 3, 3) of rotation vectors (..., 3), complex ones too."""
-    square = (vector**2).sum(axis=-1)[..., None, None]
-    small = np.abs(square) < 1e-8
-    angle = np.sqrt(np.where(small, 1.0, square))
-    one = np.where(small, 1.0 - square / 6.0, np.sin(angle) / angle)
-    two = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(angle)) / np.where(small, 1.0, square))
-    cross = np.einsum("ijk,...j->...ik", _PERMUTATION, vector)
-    return np.eye(3) + one * cross + two * cross @ cross
-
-
-def _vector(rotation: _Numbers) -> _Numbers:
-    """Rotation vectors (..., 3) of rotations (..., 3, 3) by less than half a turn, complex ones too."""
-    sine = 0.5 * np.einsum("ijk,...kj->...i", _PERMUTATION, rotation)
-    square, cosine = (sine**2).sum(axis=-1), 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0)
-    small = np.abs(square) < 1e-8
-    size = np.sqrt(np.where(small, 1.0, square))
-    angle = np.where(small, 1.0 + square / 6.0, 2.0 * np.arctan(size / (1.0 + cosine)) / size)
-    return sine * angle[..., None]

@@ -253,7 +253,9 @@ class Stretching:
         fields, moments = unit @ (motions.T * size), self.loads[:, count:]
         sums = lever_sums(moments, mesh.points[None]), lever_sums(moments, fields.T.reshape(len(size), -1, 3))
         turning = turning_forces(moments, caused[:, 1], np.einsum("icm,rm->ric", body.interface_rotation, q), *sums)
-        work = FourthOrder(self.matrices).third_order_work(fields, pairs, unit, shapes.T, turning)
+        find = partial(FourthOrder(self.matrices).third_order_work, fields, pairs, unit, shapes.T, turning)
+        # Frames have no part in it.
+        work = self.matrices.kept(content_key(__name__, self.key, fields, shapes, turning), "work of third order", find)
         every = np.concatenate([caused[:, 0], caused[:, 1]], axis=2)
         forms, signs = missed_energy(body, q, every, sums, work, _NO_SQUARE * size.min() ** 2)
         rows = np.zeros(q.shape)

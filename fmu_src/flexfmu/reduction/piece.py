@@ -308,8 +308,9 @@ def _watched(divided: _Divided, basis: _Basis, loads: FloatArray) -> dict[str, A
     def make() -> dict[str, Any]:
         names = ("watched_frame", "watched_rotation", "watched_strain")
         found = watched_material(matrices.model.mesh, shapes, omega, loads, subdomains, turned)
-        own = {"frequency_spread": frequency_spread(matrices.supported, omega, shapes)}
-        return {**dict(zip(names, found, strict=True)), **own}
+        find = partial(frequency_spread, matrices.supported, omega, shapes)
+        spread = matrices.kept(content_key(__name__, "spread", basis.key), "frequency spread", find)
+        return {**dict(zip(names, found, strict=True)), "frequency_spread": spread}
 
     key = content_key(__name__, "watched", basis.key, loads, turned, *(domain.elements for domain in subdomains))
     return matrices.store.arrays(key, "material that is watched", matrices.report, make)

@@ -5,10 +5,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from flexfmu.files.basics import FloatArray
 from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
+from flexfmu.model.rotations import turned_by
 
 # Keywords of the structure itself.
 STRUCTURE = frozenset({"PART", "ENDPART", "ASSEMBLY", "ENDASSEMBLY", "INSTANCE", "ENDINSTANCE"})
@@ -165,7 +165,7 @@ def _placement(card: Card) -> tuple[FloatArray, FloatArray] | tuple[None, None]:
     length = np.linalg.norm(axis)
     if length <= _NO_AXIS * max(np.abs(rows[1][:6])):
         raise card.line.error("the axis about which this *INSTANCE is turned has two equal points; give two different")
-    turn = Rotation.from_rotvec(angle * axis / length).as_matrix()
+    turn = turned_by(angle * axis / length)
     return turn, turn @ (shift - start) + start
 
 

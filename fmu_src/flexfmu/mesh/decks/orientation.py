@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from flexfmu.files.basics import FloatArray
 from flexfmu.mesh.decks.cards import Card, fields, integer, number
+from flexfmu.model.rotations import turned_by
 
 # Sine of an angle below which two directions span no plane.
 _PARALLEL = 1e-9
@@ -116,7 +116,7 @@ def orientation(card: Card) -> Orientation:
         if not 1 <= axis <= 3:
             raise card.data[1].error(f"the axis of the turn should be 1, 2 or 3, found {axis}")
         angle = number(row[1], card.data[1], "the turn") if row[1] else 0.0
-        turn = Rotation.from_rotvec(np.radians(angle) * np.eye(3)[axis - 1]).as_matrix()
+        turn = turned_by(np.radians(angle) * np.eye(3)[axis - 1])
     if card.scope.rotation is not None and card.scope.shift is not None:
         first, second = (card.scope.rotation @ point for point in (first, second))
         if cylindrical:

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from flexfmu.files.basics import FloatArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.model import Material, isotropic_average, laminate
 from flexfmu.mesh.nastran.line_cards import basic
 from flexfmu.mesh.nastran.node_cards import lines_of
+from flexfmu.model.rotations import turned_by
 
 # Shells by their card, where they have one of these properties.
 SHELLS = {name: name for name in ("CTRIA3", "CTRIA6", "CQUAD4", "CQUAD8")}
@@ -92,7 +92,7 @@ def directions(model: Any, place: dict[int, FloatArray], path: Path) -> dict[int
         if isinstance(angle, int):
             along, angle = basic(np.eye(3)[0], angle, model, f"{path}: {element.type} {element.eid}"), 0.0
         along = along - (along @ normal) * normal
-        along = Rotation.from_rotvec(np.radians(angle) * normal).apply(along / np.linalg.norm(along))
+        along = turned_by(np.radians(angle) * normal) @ along / np.linalg.norm(along)
         found[element.eid] = np.column_stack([along, np.cross(normal, along), normal])
     return found
 

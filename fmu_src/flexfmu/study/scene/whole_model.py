@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...build.reduce import BodyModel, read_body_model
 from ...fe.nonlinear import load_path
 from ...files.basics import AccuracyError, FloatArray
 from ...files.outputs import Reporter
 from ...files.store import Store, content_key
+from ...model.rotations import rotation_vector, turned_by
 from ...reduction.basis import Matrices
 from ...reduction.bodies import InterfaceFit, fit_interface
 from ...reduction.model import Model
@@ -165,13 +165,13 @@ def finite_motion(interface: InterfaceFit, points: FloatArray, displacement: Flo
     """
     arm = points[interface.nodes] - interface.point
     moved = arm + displacement.reshape(-1, 3)[interface.nodes]
-    shift, rotation = np.zeros(3), Rotation.identity()
+    shift, turn = np.zeros(3), np.eye(3)
     # The linear fit of what a rigid motion leaves, until it leaves nothing that is rigid.
     for _ in range(_FIT_ROUNDS):
-        left = rotation.inv().apply(moved - shift) - arm
+        left = (moved - shift) @ turn - arm
         change = interface.operator @ left.ravel()
-        shift = shift + rotation.apply(change[:3])
-        rotation = rotation * Rotation.from_rotvec(change[3:])
+        shift = shift + turn @ change[:3]
+        turn = turn @ turned_by(change[3:])
         if np.linalg.norm(change[3:]) < 1e-12:
             break
-    return np.concatenate([shift, rotation.as_rotvec()])
+    return np.concatenate([shift, rotation_vector(turn)])
