@@ -188,8 +188,13 @@ def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[Any] | by
 
 def _count(expression: str, sizes: Mapping[str, int]) -> int:
     """Value of sums of products of sizes and numbers."""
-    terms = (term.split("*") for term in expression.split("+"))
-    return sum(math.prod(int(f) if f.strip().isdigit() else sizes[f.strip()] for f in term) for term in terms)
+    return sum(math.prod(f if isinstance(f, int) else sizes[f] for f in term) for term in _terms(expression))
+
+
+@cache
+def _terms(expression: str) -> list[list[int | str]]:
+    """Factors of each product: numbers, and names of sizes."""
+    return [[int(f) if f.strip().isdigit() else f.strip() for f in term.split("*")] for term in expression.split("+")]
 
 
 TABLE = Path(__file__).with_name("interface.def")

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from ..files.basics import BoolArray, FloatArray, IntArray
 from ..mesh.elements import FaceBlock, jacobians
 from ..mesh.equations import Simplices, solved
-from ..mesh.model import Mesh
+from ..mesh.model import Mesh, once
 from ..mesh.shapes import FACE_RULES, FACE_SHAPES
 from .layers import Cells, cells, turning
 from .shells import shell_cells, shell_rule
@@ -313,6 +313,7 @@ def add_nodal(total: FloatArray, nodes: IntArray, parts: FloatArray) -> None:
     total[some] += (spread @ parts.reshape(nodes.size, -1)).reshape(-1, *total.shape[1:])
 
 
+@once
 def mean_gradient(mesh: Mesh, elements: IntArray) -> tuple[IntArray, FloatArray]:
     """Mean displacement gradient over the volume of some elements, as a sum over their nodes.
 

@@ -9,7 +9,7 @@ from scipy import sparse
 from flexfmu.files.basics import UNITS, BoolArray, FloatArray, IntArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.equations import RigidLink, coupled_nodes, merged, without
-from flexfmu.mesh.model import Material, Mesh, hung
+from flexfmu.mesh.model import Material, Mesh, hung, once
 
 # Volume ratio, in units of the element's extent cubed, that is taken for zero: far below that of the thinnest
 # sensible element (1e-6 for one of aspect 1000 to 1000 to 1), far above round-off of coordinates (1e-13).
@@ -20,6 +20,7 @@ _OPPOSITE = np.array([(0, 1), (2, 4), (3, 5)])
 _FARTHEST = 1e90
 
 
+@once
 def checked(mesh: Mesh) -> Mesh:
     """Return the mesh without the nodes that no element uses, if its elements are sound.
 

@@ -12,13 +12,8 @@ T = TypeVar("T")
 
 # A fixed piece of work is done so many times to see how busy the machine is; up to such a slowdown it counts as calm.
 _WORK, _CALM = 150, 1.25
-# Where it is not, blocks are repeated up to so many, with pauses (s).
-_MOST_BLOCKS, _PAUSE = 6, 0.01
-# Long blocks are not repeated once all have taken this long (s).
-_LONG = 2.0
-
-BLOCKS = 4
-"""Blocks that count."""
+# Blocks that count; where it is not calm, they are repeated up to so many, with pauses (s).
+_BLOCKS, _MOST_BLOCKS, _PAUSE = 3, 5, 0.01
 # Time that a block may take, s, if that is enough for a few steps; and steps of a block.
 _BLOCK_TIME, _SHORTEST, _LONGEST = 0.02, 10, 300
 
@@ -89,7 +84,6 @@ def calm_blocks(block: Callable[[], tuple[float, ...]]) -> list[tuple[float, tup
         The calmest blocks: how much slower than at its best the machine was, and what the block told.
     """
     done: list[tuple[float, tuple[float, ...]]] = []
-    begun = time.perf_counter()
     for _ in range(_MOST_BLOCKS):
         before = _PACE.slowdown()
         wall, own = time.perf_counter(), time.thread_time()
@@ -97,10 +91,9 @@ def calm_blocks(block: Callable[[], tuple[float, ...]]) -> list[tuple[float, tup
         wall, own = time.perf_counter() - wall, time.thread_time() - own
         shared = wall / own if own > 0.0 else 1.0
         done.append((max(before, shared, _PACE.slowdown()), told))
-        late = time.perf_counter() - begun > _LONG
-        if sum(busy <= _CALM for busy, _ in done) >= BLOCKS or (late and len(done) >= BLOCKS):
+        if sum(busy <= _CALM for busy, _ in done) >= _BLOCKS:
             break
         if done[-1][0] > _CALM:
             # Someone else is at work: wait a little.
             time.sleep(_PAUSE)
-    return sorted(done, key=lambda one: one[0])[:BLOCKS]
+    return sorted(done, key=lambda one: one[0])[:_BLOCKS]
