@@ -288,7 +288,7 @@ def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
     motions, loads = 1e-2 * random.standard_normal((3, reduced.mode_count)), random.standard_normal((3, 1, 6))
     work = np.diag(1e-6 * random.standard_normal(6))
     sums = [1e-2 * random.standard_normal((n, 1, 3, 3, 3)) for n in (1, 3)]
-    forms, signs = missed_energy(reduced, motions, loads, sums, work, 0.0)
+    forms, signs = missed_energy(reduced, motions, loads, 0, sums, work, 0.0)
     amplitudes = random.standard_normal(3)
     pairs = np.outer(amplitudes, amplitudes)[np.triu_indices(3)]
     q = (amplitudes @ motions)[None]
@@ -298,6 +298,16 @@ def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
     found = signs @ np.einsum("kij,i,j->k", forms, amplitudes, amplitudes) ** 2
     assert set(signs) == {-1.0, 1.0}
     assert found == pytest.approx((amplitudes @ loads[:, 0]) @ third - pairs @ work @ pairs, rel=1e-9)
+    # Of a stiff motion the first power.
+    alone, small = amplitudes * [0.0, 1.0, 1.0], 1e-4 * amplitudes * [1.0, 0.0, 0.0]
+
+    def energy(forms, signs, amplitudes):
+        return signs @ np.einsum("kij,i,j->k", forms, amplitudes, amplitudes) ** 2
+
+    change = 0.5e4 * (energy(forms, signs, alone + small) - energy(forms, signs, alone - small))
+    once = missed_energy(reduced, motions, loads, 1, sums, work, 0.0)
+    assert energy(*once, amplitudes) == pytest.approx(energy(forms, signs, alone) + change, rel=2e-3)
+    assert energy(*once, amplitudes) != pytest.approx(found, rel=1e-2)
 
 
 @pytest.mark.parametrize("part", [False, True])

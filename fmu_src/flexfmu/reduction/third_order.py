@@ -13,8 +13,9 @@ from ..files.basics import FloatArray
 from ..model.reduced_body import ReducedBody
 from ..model.rotations import skew
 
-# Samples that a quartic form is found from, for each of its terms.
-_SAMPLES = 2
+# Samples that a quartic form is found from, for each of its terms, and amplitudes of stiff motions there: so small that
+# their squares do not count.
+_SAMPLES, _LITTLE = 2, 1e-3
 
 
 def third_order_motion(body: ReducedBody, q: FloatArray) -> FloatArray:
@@ -119,13 +120,9 @@ def turning_forces(
 
 
 def missed_energy(
-    body: ReducedBody,
-    motions: FloatArray,
-    loads: FloatArray,
-    sums: Sequence[FloatArray],
-    work: FloatArray,
+    body: ReducedBody, motions: FloatArray, loads: FloatArray, stiff: int, sums: Sequence[FloatArray], work: FloatArray,
     least: float,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Quartic form by which the work of loads on the tree's places exceeds that on those of the finite element model.
 
     Parameters
@@ -135,6 +132,8 @@ def missed_energy(
         Modal coordinates of static responses.
     loads : (r, I, 6) float
         Forces and moments on the interfaces that cause them, N and N m.
+    stiff : int
+        How many of the first ones count by their first power alone.
     sums : (1, I, 3, 3, 3) and (r, I, 3, 3, 3) float
         `lever_sums` of places and of motions.
     work : (p, p) float
@@ -153,13 +152,16 @@ def missed_energy(
     rows, columns = np.triu_indices(len(first))
     four = np.sort(np.stack([first[rows], second[rows], first[columns], second[columns]], axis=1))
     terms, which, times = np.unique(four, axis=0, return_inverse=True, return_counts=True)
-    amplitudes = np.random.default_rng(0).standard_normal((_SAMPLES * len(terms), len(motions)))
+    once = (terms < stiff).sum(axis=1) < 2
+    amplitudes = np.random.default_rng(0).standard_normal((_SAMPLES * once.sum(), len(motions)))
+    amplitudes[:, :stiff] *= _LITTLE
     pairs = amplitudes[:, first] * amplitudes[:, second]
     q = amplitudes @ motions
     third, turned = third_order_motion(body, q), np.einsum("icm,km->kic", body.interface_rotation, q)
     third[..., 3:] -= fitted_rotation(turned, sums[0], np.tensordot(amplitudes, sums[1], 1))
     energy = np.einsum("kr,rij,kij->k", amplitudes, loads, third, optimize=True)
-    found = np.linalg.lstsq(amplitudes[:, terms].prod(axis=2), energy - ((pairs @ work) * pairs).sum(axis=1))[0]
+    products, found = amplitudes[:, terms[once]].prod(axis=2), np.zeros(len(terms))
+    found[once] = np.linalg.solve(products.T @ products, products.T @ (energy - ((pairs @ work) * pairs).sum(axis=1)))
     matrix = np.zeros(work.shape)
     # Equal parts of a term go to all products of two pairs that make it.
     matrix[rows, columns] = (0.5 * found / times)[which.ravel()]
