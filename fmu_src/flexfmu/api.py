@@ -22,7 +22,7 @@ from .build.config import read_body_file
 from .build.reduce import body_model, read_body_mesh, reduce_mesh
 from .files.basics import BodyFileError, UnitSystem, unit_system
 from .files.outputs import Reporter, ScriptReporter, picture_html, rows_html
-from .files.store import Store
+from .files.store import Store, default_folder
 from .fmu.built_body import BuiltBody
 from .mesh.formats import file_origin
 from .mesh.in_memory import as_mesh
@@ -197,7 +197,7 @@ class Body:
         report : Reporter, optional
             Default: warnings are Python's, notes go to the log "flexfmu".
         store : Store, optional
-            Where modes and the like are kept from build to build; default: nowhere.
+            Where modes and the like are kept from build to build; default: where commands keep them.
 
         Returns
         -------
@@ -219,6 +219,7 @@ class Body:
         for table, values in chosen.items():
             given = {key: plain(value) for key, value in values.items() if value is not None}
             data[table] = {**data.get(table, {}), **given}
+        store = store or Store(default_folder())
         return BuiltBody(reduce_mesh(self.mesh, checked_spec(data), self._origin, report or ScriptReporter(), store))
 
 

@@ -13,6 +13,7 @@ import flexfmu
 from flexfmu.files.basics import BodyFileError, MeshError, SimulationError
 from flexfmu.mesh.elements import ElementType
 from meshes import box
+from scene_tools import Listening
 
 DOCS = Path(__file__).parents[2] / "docs" / "python.md"
 LENGTH, SIDE = 1.0, 0.1
@@ -55,6 +56,18 @@ def cantilever():
 @pytest.fixture(scope="module")
 def built(cantilever):
     return cantilever.build("second_order", modes=6, residual_flexibility=["tip.force.y"])
+
+
+def test_a_build_takes_what_an_earlier_one_has_kept_as_the_command_does(tmp_path, monkeypatch):
+    monkeypatch.setenv("FLEXFMU_CACHE", str(tmp_path))
+    first, second = Listening(), Listening()
+    points, cells = bricks()
+    ends = [at_end(points, 0.0)], {"tip": at_end(points, LENGTH)}
+    for heard in (first, second):
+        flexfmu.Body((points, cells), E_STEEL, *ends, tables=PLAIN).build(report=heard)
+    assert any(tmp_path.iterdir())
+    assert not any("earlier build" in text for text in first.notes)
+    assert any("normal modes: taken from an earlier build" in text for text in second.notes)
 
 
 def test_arrays_alone_make_a_cantilever_as_soft_as_beam_theory_has_it(built):
