@@ -1,6 +1,7 @@
 """Springs of decks against CalculiX on the same decks (tests/foreign/spring_bars.py), and what is refused of them."""
 
 import csv
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from flexfmu.files.outputs import Reporter
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.decks.deck import read_deck
 from flexfmu.reduction.basis import Matrices
+from flexfmu.reduction.bushings import resisted
 from flexfmu.reduction.model import assemble_model
 from foreign.deck_bars import FORCE, HERE, LARGE
 from foreign.spring_bars import SPRINGS, deck
@@ -40,7 +42,13 @@ def test_bars_on_springs_deflect_as_in_calculix_little_and_far(name, tmp_path, c
     found = Matrices(model, Reporter()).supported
     u = found.whole(found.static(found.forces(load.reshape(-1, 1))))[:, 0]
     path = load_path(
-        model.mesh, model.unknowns, model.spring, LARGE * load.ravel(), [1.0], Reporter(), model.bushings.forces
+        model.mesh,
+        model.unknowns,
+        model.spring,
+        LARGE * load.ravel(),
+        [1.0],
+        Reporter(),
+        partial(resisted, model.bushings.readings),
     )
     for which, motion in (("linear", u), ("large", path.displacement[-1])):
         expected = calculix[name, which]

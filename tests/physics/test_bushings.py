@@ -1,6 +1,7 @@
 """A body on a bushing: closed forms of a rigid body on six springs, a beam's own bending, and what is refused."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,8 +18,9 @@ from flexfmu.mesh.model import Mesh
 from flexfmu.model.methods import Method, recipe_of
 from flexfmu.program.mechanics import against_error
 from flexfmu.reduction.bodies import fit_interface
+from flexfmu.reduction.bushings import resisted
 from flexfmu.reduction.model import assemble_model
-from flexfmu.study.scene.whole_model import finite_motion
+from flexfmu.study.scene.whole_model import TurningLoad, finite_motion
 from flexfmu.study.smallest import own_error
 from meshes import box, with_sets
 from turns import exponential
@@ -302,14 +304,15 @@ def test_an_interface_may_lie_on_a_bushing():
 
 @pytest.mark.slow
 def test_the_whole_model_on_a_bushing_turns_far_as_a_rigid_body_does():
-    """What scenes and `fit --verify` compare with: the bushing's own forces in turns of any size."""
+    """What scenes and `fit --verify` compare with: the bushing's own forces, and moments, in turns of any size."""
     config = flexfmu.Body(bar(), supports=[BUSHING], interfaces={"tip": "TIP"}).spec
     model = assemble_model(bar(), config.options)
     interface = fit_interface(config.options.interfaces[0], model.mesh, [])
-    pull = np.append(LOAD[:3], np.zeros(3))
-    load = interface.nodal_loads(len(model.mesh.points)) @ pull
-    path = load_path(model.mesh, model.unknowns, model.spring, load, [1.0], Reporter(), model.bushings.forces)
-    expected = equilibrium(pull)
+    load = interface.nodal_loads(len(model.mesh.points))[:, :3] @ LOAD[:3]
+    others = [*model.bushings.readings, TurningLoad(interface, model.mesh.points, np.stack([np.zeros(3), LOAD[3:]]))]
+    how = model.mesh, model.unknowns, model.spring, load, [1.0], Reporter()
+    path = load_path(*how, partial(resisted, others), True)
+    expected = equilibrium(LOAD)
     assert np.linalg.norm(expected[3:]) > 0.4
     found = finite_motion(interface, model.mesh.points, path.displacement[0])
     np.testing.assert_allclose(found[:3], expected[:3], atol=1e-3 * np.linalg.norm(expected[:3]))

@@ -14,7 +14,7 @@ from native_master.bare_fmi2 import OK
 
 STEPS, STEP = 400, 1e-3
 # Of `linear` two looks: each takes two steps of Newton's method, in slices that cost less than a step of the body.
-MOST_WAITED = {"second_order": 100, "linear": 500}
+MOST_WAITED = {"second_order": 100, "linear": 400}
 FORCES = [f"tip.force.{axis}" for axis in "xyz"]
 # Other watches say nothing.
 QUIET = {f"watch.{name}.limit": 0.0 for name in ("rotation", "strain", "stiffness_missed")}

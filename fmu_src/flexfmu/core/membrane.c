@@ -19,20 +19,17 @@ typedef struct {
 
 /* The forms after those, of the first part after part -1; whether there are any. */
 static int next_forms(const Program *p, Forms *forms) {
-    const int64_t m = p->modes;
     forms->packed = forms->part < 0 ? p->stretch : forms->packed + packed_total(forms->end - forms->first, forms->size);
     forms->slope = forms->part < 0 ? 0 : forms->slope + (forms->end - forms->first + LANES - 1) / LANES * LANES * forms->size;
-    const double *after = forms->part < 0 || !p->basis_numbers ? p->basis : forms->basis + forms->size * m;
     forms->first = forms->end;
     for (forms->part++; forms->part < p->parts; forms->part++) {
-        forms->basis = after;
+        forms->basis = part_basis(p, forms->part);
         forms->size = p->extent[forms->part];
         forms->end += p->stretch_rows[forms->part];
         if (forms->end > forms->first) return 1;
-        if (p->basis_numbers) after += forms->size * m;
     }
     forms->basis = 0;
-    forms->size = m;
+    forms->size = p->modes;
     forms->end = p->stretches;
     return forms->end > forms->first;
 }

@@ -104,13 +104,13 @@ static const char *inconsistent(const Program *p) {
     for (int64_t i = 0; i < k; i++)
         if (p->parent[i] < -1 || p->parent[i] >= (i < s ? i : s)) return "a node hangs on what is not before it";
     if (p->curved) {
-        if (p->parts > 6 * k || (!p->basis && p->parts != 1)) return "the coordinates that bend are missing";
+        if (p->parts > 6 * k + p->stretches) return "the coordinates that bend are too many";
         int64_t numbers = 0, bends = 0;
         for (int64_t i = 0; i < p->parts; i++) {
             if (p->extent[i] < 1 || p->extent[i] > m) return "coordinates that bend are out of range";
-            numbers += p->extent[i] * m;
+            numbers += p->extent[i] < m ? p->extent[i] * m : 0;
         }
-        if (p->basis ? numbers != p->basis_numbers : p->extent[0] != m) return "the coordinates that bend are incomplete";
+        if (numbers != p->basis_numbers) return "the coordinates that bend are incomplete";
         for (int64_t i = 0; i < 6 * k; i++) {
             if (p->part[i] < -1 || p->part[i] >= p->parts) return "a curvature is of no part";
         }
@@ -124,7 +124,7 @@ static const char *inconsistent(const Program *p) {
     if (2 * p->judged_pairs != (p->judged ? p->elastic_count * (p->elastic_count + 1) : 0)) return "the second opinion is incomplete";
     int64_t stretches = 0, stretch_numbers = 0;
     for (int64_t part = 0; part < p->parts; part++) {
-        if (p->stretch_rows[part] < 0 || p->stretch_rows[part] > (p->basis_numbers ? p->stretches - stretches : 0)) return "a stretch is of no part";
+        if (p->stretch_rows[part] < 0 || p->stretch_rows[part] > (p->extent[part] < m ? p->stretches - stretches : 0)) return "a stretch is of no part";
         stretches += p->stretch_rows[part];
         stretch_numbers += packed_total(p->stretch_rows[part], p->extent[part]);
     }

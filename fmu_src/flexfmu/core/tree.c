@@ -44,8 +44,8 @@ int64_t moving_rows(const Program *p) { return 6 * p->nodes - 3 * p->lumps; }
 
 const double *part_basis(const Program *p, int64_t part) {
     const double *basis = p->basis;
-    if (!basis || p->extent[part] == p->modes) return 0;
-    for (int64_t i = 0; i < part; i++) basis += p->extent[i] * p->modes;
+    if (p->extent[part] == p->modes) return 0;
+    for (int64_t i = 0; i < part; i++) basis += p->extent[i] < p->modes ? p->extent[i] * p->modes : 0;
     return basis;
 }
 

@@ -1,7 +1,8 @@
 """Static equilibrium of the whole finite element model with geometric nonlinearity: the reference of reduced bodies.
 
 Total Lagrangian: the second Piola-Kirchhoff stress is linear in the Green-Lagrange strain (Saint Venant-Kirchhoff), as
-CalculiX has it for *ELASTIC with NLGEOM. Loads keep their direction and their distribution over the undeformed body.
+CalculiX has it for *ELASTIC with NLGEOM. Nodal loads keep their direction and their distribution over the undeformed
+body; what else acts on nodes is a function of displacements.
 Newton's method with load increments that are cut back where it fails. Source: J. Bonet, R. D. Wood, Nonlinear Continuum
 Mechanics for Finite Element Analysis, 2nd ed., chapter 9. Its tangent has the stress that the last iteration foresaw,
 as if stress were an unknown, too: then half as many are needed (D. Magisano, L. Leonetti, G. Garcea, Comput. Methods
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 from ..files.basics import AccuracyError, FloatArray, IntArray, ModelError
 from ..files.outputs import Reporter
@@ -29,6 +31,8 @@ _TOLERANCE = 1e-8
 # forces keeps the residual above that, but not above this part of the load.
 _SETTLED, _ROUND_OFF = 1e-9, 1e-4
 _ITERATIONS = 12
+# Residual of a change by a tangent that is not symmetric, relative.
+_TURNED = 1e-6
 # |residual| / |load| below which the last factors serve again, as long as each round leaves a tenth at most.
 _NEAR, _LEFT = 1e-4, 0.1
 # An increment that took fewer iterations lets the next one be twice as long.
@@ -63,7 +67,7 @@ class LoadPath:
     iterations: int
 
 
-Resisting = Callable[[FloatArray], tuple[FloatArray, sp.csr_array]]
+Resisting = Callable[[FloatArray, float], tuple[FloatArray, sp.csr_array]]
 
 
 class _Body:
@@ -71,7 +75,7 @@ class _Body:
 
     def __init__(self, mesh: Mesh, unknowns: Unknowns, spring: FloatArray, bushings: Resisting | None):
         self._spring = unknowns.in_means(sp.csr_array(sp.diags_array(spring.ravel())))
-        self._bushings, self._means = bushings, unknowns.means
+        self._bushings, self._means, self.factor = bushings, unknowns.means, 1.0
         self._parts = list(elastic_cells(mesh, CHUNK, means=True))
         # Amplitudes of the elements' own shape functions, as last found.
         self._own = [np.zeros((len(p.nodes), p.gradient.shape[2] - p.nodes.shape[1], 3)) for p in self._parts]
@@ -97,8 +101,8 @@ class _Body:
         if self._bushings is None:
             return np.zeros(displacement.size), sp.csr_array((displacement.size, displacement.size))
         if self._means is None:
-            return self._bushings(displacement)
-        force, tangent = self._bushings(self._means @ displacement)
+            return self._bushings(displacement, self.factor)
+        force, tangent = self._bushings(self._means @ displacement, self.factor)
         return self._means.T @ force, self._means.T @ tangent @ self._means
 
     def tangent(self, displacement: FloatArray, change: FloatArray) -> sp.csr_array:
@@ -155,7 +159,7 @@ def _tangent(part: Cells, slopes: FloatArray, work: FloatArray) -> FloatArray:
 @in_one_thread
 def load_path(
     mesh: Mesh, unknowns: Unknowns, spring: FloatArray, load: FloatArray, factors: Sequence[float], report: Reporter,
-    bushings: Resisting | None = None,
+    bushings: Resisting | None = None, turns: bool = False,
 ) -> LoadPath:  # fmt: skip
     """Equilibria of the whole model under parts of a load.
 
@@ -171,8 +175,11 @@ def load_path(
     factors : sequence of float
         Parts of the load at which equilibria are wanted, ascending and positive.
     report : Reporter
-    bushings : function of (3n,) float, optional
-        Forces (3n,) of springs against displacements of any size, and the derivative of these (3n, 3n).
+    bushings : function of (3n,) float and a part of the load, optional
+        Forces (3n,) against displacements of any size, and the derivative of these (3n, 3n): of springs, and of loads
+        that depend on where nodes are.
+    turns : bool
+        Whether these have no potential: then the derivative is not symmetric, and tells no instability.
 
     Returns
     -------
@@ -187,16 +194,16 @@ def load_path(
     # Of them follow means and differences instead of displacements.
     means, unknowns = unknowns.means, Unknowns(unknowns.free, unknowns.size, unknowns.inner, unknowns.inner)
     load = load if means is None else means.T @ load
-    size = float(np.linalg.norm(unknowns.forces(load)))
     u = np.zeros(load.size)
+    size = float(np.linalg.norm(unknowns.forces(load - body.forces(u))))
     stiff, node = unknowns.matrix(body.tangent(u, u)), unknowns.free // 3
     kept = [Factorisation(stiff, node, order := dissection_order(stiff, node))]
     found, reached, increment = [], 0.0, _FIRST * float(factors[-1])
     increments = iterations = 0
     for factor in factors:
         while reached < factor:
-            target = min(factor, reached + increment)
-            solution, used = _newton(body, unknowns, order, u, target * load, size, kept)
+            target = body.factor = min(factor, reached + increment)
+            solution, used = _newton(body, unknowns, order, u, target * load, size, kept, turns)
             iterations += used
             increments += 1
             if solution is None:
@@ -215,7 +222,7 @@ def load_path(
 
 def _newton(
     body: _Body, unknowns: Unknowns, order: IntArray, start: FloatArray, load: FloatArray, size: float,
-    kept: list[Factorisation],
+    kept: list[Factorisation], turns: bool,
 ) -> tuple[FloatArray | None, int]:  # fmt: skip
     """Newton's method from `start`; None where it fails, or leaves the stable path that leads from there.
 
@@ -227,13 +234,20 @@ def _newton(
         # Stress foreseen from far off may make unstable what the displacement's own does not: then that is taken.
         for known in (step, 0.0 * step)[:iteration]:
             with suppress(ModelError):
-                kept[:] = kept or [Factorisation(unknowns.matrix(body.tangent(u, known)), unknowns.free // 3, order)]
-                if kept[0].positive_definite:
+                if turns or not kept:
+                    tangent = unknowns.matrix(body.tangent(u, known))
+                if not kept:
+                    symmetric = 0.5 * (tangent + tangent.T) if turns else tangent
+                    kept.append(Factorisation(symmetric, unknowns.free // 3, order))
+                if kept[0].positive_definite or (turns and not known.any()):
                     break
             kept.clear()
         else:
             return None, iteration
         change = kept[0].solve(residual)
+        if turns:
+            like = spla.LinearOperator(tangent.shape, kept[0].solve, dtype=np.float64)
+            change, _ = spla.gmres(tangent, residual, change, rtol=_TURNED, M=like, restart=_ITERATIONS, maxiter=1)
         foreseen = foreseen or float(np.linalg.norm(change))
         u += (step := unknowns.whole(change))
         residual = unknowns.forces(load - body.forces(u))

@@ -28,8 +28,8 @@ _TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}
 # Shares for numbers of double and of single precision: of the largest, below which a direction bends nothing but by
 # round-off; of a stretch outside the coordinates that bend a part, below which it is theirs.
 _NO_BEND, _OUTSIDE = (1e-13, 1e-5), (1e-9, 1e-5)
-# Share of all coordinates up to which those of a part are worth turning to.
-_WORTH = 0.75
+# Share of all coordinates up to which those of a part are worth turning to, and that stretches of few go by at most.
+_WORTH, _FEW = 0.75, 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +223,7 @@ def bends(tree: Tree, inertial: int) -> dict[str, FloatArray | IntArray]:
     cores = [packed(a @ k @ a.T) for a, k in zip(bases, own, strict=True)] if bases else [packed(own[0])]
     return {
         "curvature": np.concatenate(cores),
-        "basis": np.concatenate([basis.ravel() for basis in bases] or [np.zeros(0)]),
+        "basis": np.concatenate([np.zeros(0), *(basis.ravel() for basis in bases if len(basis) < modes)]),
         "part": part,
         "extent": np.array([len(basis) for basis in bases] or [modes]),
         "stretch_rows": np.zeros(len(bases) or 1, dtype=np.int64),
@@ -231,7 +231,7 @@ def bends(tree: Tree, inertial: int) -> dict[str, FloatArray | IntArray]:
 
 
 def stretches(membrane: Membrane, bent: Mapping[str, Any]) -> dict[str, FloatArray | IntArray]:
-    """Membrane energy: of a cut body's parts in the coordinates that bend them, which are far fewer than q has.
+    """Membrane energy, where that is worth it in coordinates that bend a part or of stretches alone, fewer than q has.
 
     Parameters
     ----------
@@ -242,24 +242,29 @@ def stretches(membrane: Membrane, bent: Mapping[str, Any]) -> dict[str, FloatArr
     Returns
     -------
     dict
-        Fields of a program: stretch, stretch_rows, stretch_linear, stretch_sign.
+        Fields of a program: basis, extent, stretch, stretch_rows, stretch_linear, stretch_sign.
     """
     quadratic, modes = membrane.quadratic, membrane.quadratic.shape[-1]
-    size, rest = np.linalg.norm(quadratic, axis=(1, 2)), np.arange(len(quadratic))
-    outside = _OUTSIDE[is_single(quadratic)]
-    # Without bases q itself bends, and stretches.
-    bases = np.split(bent["basis"].reshape(-1, modes), np.cumsum(bent["extent"])[:-1])
-    cores, order = [], []
-    for basis in bases:
-        left = quadratic[rest] - quadratic[rest] @ basis.T @ basis
-        own = (np.linalg.norm(left, axis=(1, 2)) <= outside * size[rest]) & ~membrane.linear[rest].any(axis=1)
-        order.append(rest[own])
-        cores.append(packed(basis @ quadratic[rest[own]] @ basis.T))
-        rest = rest[~own]
-    every = np.concatenate([*order, rest])
+    least = _OUTSIDE[is_single(quadratic)] * np.linalg.norm(quadratic, axis=(1, 2))
+    plain = ~membrane.linear.any(axis=1)
+    # A part that has all coordinates has no basis: q itself bends it, and stretches.
+    ends = np.cumsum([modes * count * (count < modes) for count in bent["extent"]])
+    bases = [basis.reshape(-1, modes) for basis in np.split(bent["basis"], ends)[:-1]]
+    inside = [plain & (np.linalg.norm(quadratic - quadratic @ b.T @ b, axis=(1, 2)) < least) for b in bases]
+    few = plain & ~np.any(inside, axis=0) & (np.linalg.matrix_rank(quadratic, tol=least) <= _FEW * modes)
+    _, strength, directions = np.linalg.svd(quadratic[few].reshape(-1, modes), full_matrices=False)
+    common = directions[strength > least[few].min(initial=np.inf)]
+    if 0 < len(common) <= _WORTH * modes:
+        bases.append(common)
+        inside.append(few)
+    owner = np.argmax([*inside, np.ones(len(quadratic), dtype=bool)], axis=0)
+    every = np.argsort(owner, kind="stable")
+    own = [packed(basis @ quadratic[owner == part] @ basis.T) for part, basis in enumerate(bases)]
     return {
-        "stretch": np.concatenate([*cores, packed(quadratic[rest])]),
-        "stretch_rows": np.array([len(rows) for rows in order]),
+        "basis": np.concatenate([np.zeros(0), *map(np.ravel, bases)]),
+        "extent": np.array([len(basis) or modes for basis in bases]),
+        "stretch": np.concatenate([*own, packed(quadratic[owner == len(bases)])]),
+        "stretch_rows": np.bincount(owner, minlength=len(bases) + 1)[:-1],
         "stretch_linear": membrane.linear[every],
         "stretch_sign": membrane.sign[every],
     }

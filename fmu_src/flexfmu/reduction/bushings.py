@@ -135,8 +135,8 @@ class SpringReading:
         found = ((ahead - behind) / (2.0 * step)).transpose(1, 0, 2)
         return 0.5 * (found + found.swapaxes(1, 2))
 
-    def force(self, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Forces (3k,) on its nodes against displacements (3n,), and their derivative (3k, 3k)."""
+    def force(self, displacement: FloatArray, _factor: float) -> tuple[FloatArray, FloatArray]:
+        """Forces (3k,) on its nodes against displacements (3n,), whatever the load, and their derivative (3k, 3k)."""
         z = self.rows @ displacement[self.columns]
         slope, pull = self.slope(z), self.spring.stiffness * self.values(z)
         tangent = slope.T @ (self.spring.stiffness[:, None] * slope) + np.tensordot(pull, self.bend(z), axes=1)
@@ -212,14 +212,18 @@ class Bushings:
             found.append(root * (local.T @ one.bend(np.zeros(len(one.rows))) @ local))
         return np.concatenate(found) if found else np.zeros((0, shapes.shape[1], shapes.shape[1]))
 
-    def forces(self, displacement: FloatArray) -> tuple[FloatArray, sp.csr_array]:
-        """Nodal forces (3n,) against displacements (3n,) of any size, and their derivative."""
-        force, rows, columns, values = np.zeros(self.size), [], [], []
-        for one in self.readings:
-            own, tangent = one.force(displacement)
-            np.add.at(force, one.columns, own)
-            rows.append(np.repeat(one.columns, one.columns.size))
-            columns.append(np.tile(one.columns, one.columns.size))
-            values.append(tangent.ravel())
-        place = (np.concatenate(rows), np.concatenate(columns))
-        return force, sp.csr_array(sp.coo_array((np.concatenate(values), place), shape=(self.size, self.size)))
+
+def resisted(several: Sequence[Any], displacement: FloatArray, factor: float) -> tuple[FloatArray, sp.csr_array]:
+    """Nodal forces (3n,) against displacements (3n,) of any size, and their derivative.
+
+    Of springs, and of whatever else has their `columns` and `force` at a part of the loads.
+    """
+    force, rows, columns, values = np.zeros(displacement.size), [], [], []
+    for one in several:
+        own, tangent = one.force(displacement, factor)
+        np.add.at(force, one.columns, own)
+        rows.append(np.repeat(one.columns, one.columns.size))
+        columns.append(np.tile(one.columns, one.columns.size))
+        values.append(tangent.ravel())
+    place = (np.concatenate(rows), np.concatenate(columns))
+    return force, sp.csr_array(sp.coo_array((np.concatenate(values), place), shape=(force.size, force.size)))

@@ -30,7 +30,7 @@ class StepCost:
     iterations : float
         Rounds of the implicit iteration a step.
     busy : float
-        How much slower than at its best the machine did a fixed piece of work meanwhile: 1 when it was calm.
+        Time that passed over that of the steps themselves: 1 when the machine was calm.
     """
 
     fastest: float

@@ -6,14 +6,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-import numpy as np
-
 T = TypeVar("T")
 
-# A fixed piece of work is done so many times to see how busy the machine is; up to such a slowdown it counts as calm.
-_WORK, _CALM = 150, 1.25
-# Blocks that count; where it is not calm, they are repeated up to so many, with pauses (s).
-_BLOCKS, _MOST_BLOCKS, _PAUSE = 3, 5, 0.01
+# Up to so much more time than a block itself takes the machine counts as calm. Blocks that count; where it is not calm,
+# they are repeated up to so many, with pauses (s).
+_CALM, _BLOCKS, _MOST_BLOCKS, _PAUSE = 1.25, 3, 5, 0.01
 # Time that a block may take, s, if that is enough for a few steps; and steps of a block.
 _BLOCK_TIME, _SHORTEST, _LONGEST = 0.02, 10, 300
 
@@ -30,26 +27,6 @@ class Clock:
         wall = time.perf_counter() - self._wall
         # Windows counts a thread's time in ticks that are much too long.
         return wall if sys.platform == "win32" else min(wall, time.thread_time() - self._own)
-
-
-class Pace:
-    """How fast the machine does a fixed piece of work, against the fastest that it was seen to do it."""
-
-    def __init__(self) -> None:
-        self._best = math.inf
-        self._matrix = np.full((8, 8), 0.1)
-
-    def slowdown(self) -> float:
-        """Do the work; 1 where it took as long as the fastest time."""
-        start = time.perf_counter()
-        for _ in range(_WORK):
-            self._matrix @ self._matrix
-        took = time.perf_counter() - start
-        self._best = min(self._best, took)
-        return took / self._best
-
-
-_PACE = Pace()
 
 
 def timed_piece(rows: Sequence[T], took: float) -> list[T]:
@@ -81,16 +58,14 @@ def calm_blocks(block: Callable[[], tuple[float, ...]]) -> list[tuple[float, tup
     Returns
     -------
     list of (float, tuple of float)
-        The calmest blocks: how much slower than at its best the machine was, and what the block told.
+        The calmest blocks: the time that passed over that of the block itself, and what it told.
     """
     done: list[tuple[float, tuple[float, ...]]] = []
     for _ in range(_MOST_BLOCKS):
-        before = _PACE.slowdown()
         wall, own = time.perf_counter(), time.thread_time()
         told = block()
         wall, own = time.perf_counter() - wall, time.thread_time() - own
-        shared = wall / own if own > 0.0 else 1.0
-        done.append((max(before, shared, _PACE.slowdown()), told))
+        done.append((wall / own if own > 0.0 else 1.0, told))
         if sum(busy <= _CALM for busy, _ in done) >= _BLOCKS:
             break
         if done[-1][0] > _CALM:

@@ -220,11 +220,11 @@ transient_rotation_rad, transient_at, share, limited_by
         Step of the model without FMI, µs: fastest and median block; for finite elements one equilibrium, from the
         previous one.
     iterations, busy : float
-        Rounds a step; slowdown of the machine while timing (1: none).
+        Rounds a step; time that passed while timing over that of the steps themselves (1: nobody else was at work).
     bare_ms_per_s, fmu_ms_per_s : float
         ms per simulated second, without FMI and through the FMU.
     fmu_us, empty_us, fmu_ratio, fmu_busy : float
-        Step of the FMU and of an empty one, µs, their ratio, and the slowdown; not a number without FMUs.
+        Step of the FMU and of an empty one, µs, their ratio, and the same of it; not a number without FMUs.
     equilibrium_ms : float
         Equilibrium without FMI under the first static case, from rest.
     memory_bytes, modal_bytes : int

@@ -81,13 +81,10 @@ def _own(
 ) -> Iterator[Record]:
     """Record of the package's own finite element model in the first static case; a word why where there is none."""
     case = scene.static[0]
-    if refusal := whole.refusal(case):
-        report.note(f"no time of the finite element model: {refusal}")
-        return
     try:
         found = known[case.name].whole or whole.equilibria(case)
     except SceneError as error:
-        report.warning(str(error))
+        report.note(f"no time of the finite element model: {error}")
         return
     yield _timed(
         plain,

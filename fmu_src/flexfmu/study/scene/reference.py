@@ -228,20 +228,8 @@ def _tight_model(
 
 def _static_error(scene: Scene, known: Mapping[str, Reference], model: FlexibleBody) -> float:
     """Largest relative displacement error of a model in the static cases; infinite where it has no equilibrium."""
-    worst = math.nan
-    for case in scene.static:
-        for factor, expected in zip(case.factors, known[case.name].motion[..., :3], strict=True):
-            try:
-                state = model.static(case.peak.scaled(factor))
-            except EquilibriumError:
-                return math.inf
-            found = model.response(state).displacement[scene.read_index]
-            told = np.all(np.isfinite(expected), axis=1)
-            size = np.linalg.norm(expected[told])
-            if size > 0.0:
-                error = float(np.linalg.norm((found - expected)[told]) / size)
-                worst = error if math.isnan(worst) else max(worst, error)
-    return worst
+    found = errors(replace(scene, transient=()), known, model)
+    return math.inf if found.failure else found.static_displacement
 
 
 def follow(model: FlexibleBody, case: TransientCase, tell: Tell = tell_nobody) -> FloatArray:
@@ -365,13 +353,13 @@ class _Worst:
                 self.share, self.share_at = share, f"{kind}, {where[k]}"
 
 
-def errors(scene: Scene, known: dict[str, Reference], model: FlexibleBody) -> SceneErrors:
+def errors(scene: Scene, known: Mapping[str, Reference], model: FlexibleBody) -> SceneErrors:
     """Compare a model with the references of a scene.
 
     Parameters
     ----------
     scene : Scene
-    known : dict of str to Reference
+    known : mapping of str to Reference
     model : FlexibleBody
         With the interfaces of `scene.config`, or more.
 
