@@ -176,8 +176,7 @@ def load_path(
         Parts of the load at which equilibria are wanted, ascending and positive.
     report : Reporter
     bushings : function of (3n,) float and a part of the load, optional
-        Forces (3n,) against displacements of any size, and the derivative of these (3n, 3n): of springs, and of loads
-        that depend on where nodes are.
+        Forces (3n,) of springs and turning loads against displacements of any size, and the derivative (3n, 3n).
     turns : bool
         Whether these have no potential: then the derivative is not symmetric, and tells no instability.
 
