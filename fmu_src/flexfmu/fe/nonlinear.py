@@ -195,10 +195,10 @@ def load_path(
     load = load if means is None else means.T @ load
     u = np.zeros(load.size)
     size = float(np.linalg.norm(unknowns.forces(load - body.forces(u))))
+    body.factor = 0.0
     stiff, node = unknowns.matrix(body.tangent(u, u)), unknowns.free // 3
     kept = [Factorisation(stiff, node, order := dissection_order(stiff, node))]
-    found, reached, increment = [], 0.0, _FIRST * float(factors[-1])
-    increments = iterations = 0
+    found, reached, increment, increments, iterations = [], 0.0, _FIRST * float(factors[-1]), 0, 0
     for factor in factors:
         while reached < factor:
             target = body.factor = min(factor, reached + increment)

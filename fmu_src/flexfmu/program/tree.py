@@ -251,7 +251,8 @@ def stretches(membrane: Membrane, bent: Mapping[str, Any]) -> dict[str, FloatArr
     ends = np.cumsum([modes * count * (count < modes) for count in bent["extent"]])
     bases = [basis.reshape(-1, modes) for basis in np.split(bent["basis"], ends)[:-1]]
     inside = [plain & (np.linalg.norm(quadratic - quadratic @ b.T @ b, axis=(1, 2)) < least) for b in bases]
-    few = plain & ~np.any(inside, axis=0) & (np.linalg.matrix_rank(quadratic, tol=least) <= _FEW * modes)
+    few = plain & ~np.any(inside, axis=0)
+    few[few] = np.linalg.matrix_rank(quadratic[few], tol=least[few], hermitian=True) <= _FEW * modes
     _, strength, directions = np.linalg.svd(quadratic[few].reshape(-1, modes), full_matrices=False)
     common = directions[strength > least[few].min(initial=np.inf)]
     if 0 < len(common) <= _WORTH * modes:
