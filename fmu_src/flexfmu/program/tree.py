@@ -29,7 +29,7 @@ _TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}
 # round-off; of a stretch outside the coordinates that bend a part, below which it is theirs.
 _NO_BEND, _OUTSIDE = (1e-13, 1e-5), (1e-9, 1e-5)
 # Share of all coordinates up to which those of a part are worth turning to, and that stretches of few go by at most.
-_WORTH, _FEW = 0.75, 0.25
+_WORTH, _FEW = 0.75, 0.5
 
 
 @dataclass(frozen=True, slots=True)
