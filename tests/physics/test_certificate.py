@@ -10,12 +10,14 @@ import pytest
 from driven import Driven
 from flexfmu.api import Body, Support
 from flexfmu.body.flexible_body import FlexibleBody, State
+from flexfmu.body.reference_loads import differs_more, reference_loads
 from flexfmu.build.reduce import body_model, reduce_body
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import OptionError
 from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.runtime import Runtime
 from flexfmu.mesh.elements import ElementType
+from flexfmu.model.inertia import Membrane
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.program import tree
 from flexfmu.program.compile import shadow_draft
@@ -331,6 +333,21 @@ def test_a_free_arch_that_is_pulled_open_tells_its_error():
         opened = 0.5 * abs(moved[1, 0] - moved[0, 0] - tip[0] + root[0])
         assert opened > 3e-3 * np.abs(moved).max()
         np.testing.assert_allclose(found.displacement, opened, rtol=0.3)
+
+
+def test_a_shadow_that_does_not_bear_reference_loads_says_nothing_of_others(built):
+    """An opened one that is unstable sideways, and stiffer upwards: only without the former is it the better one."""
+    reduced, omega = built.reduced, built.reduced.shadow.body.angular_frequency
+    taken = []
+    for signs in ((1.0, 1.0), (1.0, -1.0)):
+        forms = np.zeros((2, omega.size, omega.size))
+        for mode, (_, name, force) in enumerate(reference_loads(FlexibleBody(reduced), back=False)):
+            state = FlexibleBody(reduced.shadow.body, "second_order").static({name: force})
+            place = np.argmax(np.abs(omega * state.q))
+            forms[mode, place, place] = (1.0, 4.0)[mode] * omega[place] / abs(state.q[place])
+        other = replace(reduced.shadow.body, membrane=Membrane(forms, np.zeros(forms.shape[:2]), np.array(signs)))
+        taken.append(differs_more(reduced, replace(reduced.shadow, body=other)))
+    assert taken == [True, False]
 
 
 def test_in_motion_inertia_is_no_error(built):

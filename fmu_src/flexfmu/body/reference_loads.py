@@ -100,9 +100,9 @@ def lumps_are_fine(body: ReducedBody) -> bool:
 
 
 def differs_more(body: ReducedBody, shadow: Shadow) -> bool:
-    """Whether reference loads part a held body from a shadow, and further than from its own one."""
-    *own, other = apart(body, body.shadow, shadow)
-    return bool(other > max(own, default=_SLIGHT) and other > _SLIGHT)
+    """Whether reference loads part a held body from a shadow that bears them, and further than from its own one."""
+    *own, other = apart(body, body.shadow, shadow, first=body)
+    return bool(_SLIGHT < other < 1.0 and other > max(own, default=_SLIGHT))
 
 
 def apart(body: ReducedBody, *shadows: Shadow | None, first: ReducedBody | None = None) -> FloatArray:
