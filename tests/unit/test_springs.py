@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from flexfmu.mesh.model import Along, SpringDamper
-from flexfmu.reduction.bushings import Bushings, SpringReading, _turn, _vector
+from flexfmu.model.rotations import rotation_vector, turned_by
+from flexfmu.reduction.bushings import Bushings, SpringReading
 from turns import exponential
 
 NONE = np.zeros(0, dtype=np.int64)
@@ -46,7 +47,7 @@ def test_a_common_turn_of_both_ends_strains_no_spring(points, along):
     np.testing.assert_allclose(values(reading, moved(points)), 0.0, atol=1e-12)
 
 
-def test_an_end_that_turns_against_the_ground_reads_its_shift_and_its_rotation_vector(points):
+def test_an_end_that_turns_against_the_ground_reads_its_shift_and_its_rotationrotation_vector(points):
     one = spring(points, Along.END, second=False)
     reading = SpringReading(points, one)
     centre = one.places[0]
@@ -70,10 +71,10 @@ def test_forces_are_the_slope_of_the_energy_and_their_derivative_theirs(points, 
     def energy(displacement):
         return 0.5 * reading.spring.stiffness @ values(reading, displacement) ** 2
 
-    force, tangent = reading.force(change)
+    force, tangent = reading.force(change, 1.0)
     ahead, behind = change + size * way, change - size * way
     assert force @ way[reading.columns] == pytest.approx((energy(ahead) - energy(behind)) / (2.0 * size), rel=1e-6)
-    slope = (reading.force(ahead)[0] - reading.force(behind)[0]) / (2.0 * size)
+    slope = (reading.force(ahead, 1.0)[0] - reading.force(behind, 1.0)[0]) / (2.0 * size)
     np.testing.assert_allclose(tangent @ way[reading.columns], slope, atol=1e-6 * np.abs(slope).max())
 
 
@@ -104,5 +105,5 @@ def test_turns_of_any_size_are_those_of_their_rotation_vectors(size):
     """Next to none they come from a series, which is as exact as what goes on from there."""
     vectors = np.random.default_rng(0).normal(size=(20, 3))
     vectors *= size / np.linalg.norm(vectors, axis=1)[:, None]
-    np.testing.assert_allclose(_turn(vectors), exponential(vectors), rtol=0.0, atol=2e-15)
-    np.testing.assert_allclose(_vector(exponential(vectors)), vectors, rtol=0.0, atol=2e-15)
+    np.testing.assert_allclose(turned_by(vectors), exponential(vectors), rtol=0.0, atol=2e-15)
+    np.testing.assert_allclose(rotation_vector(exponential(vectors)), vectors, rtol=0.0, atol=2e-15)

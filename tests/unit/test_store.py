@@ -97,7 +97,7 @@ def test_other_interfaces_frames_and_formulations_take_the_same_modes(store):
     middle = InterfaceTable(name="middle", nodes="SEG4")
     for changes in ({"interface": [middle]}, {"frames": 3}):
         body, reused = build(store, **changes)
-        assert reused == ["normal modes"]
+        assert reused == ["normal modes", "frequency spread"]
         fresh, _ = build(Store(None), **changes)
         assert same(body, fresh)
 
