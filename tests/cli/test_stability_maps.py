@@ -147,7 +147,7 @@ def test_the_default_beam_tells_by_how_much_a_moment_bends_it_otherwise_than_its
         error = np.linalg.norm(moved - expected) / np.linalg.norm(expected)
         told = found(folder, "moment", f"{factor:g}", ESTIMATE)
         assert error > 2e-4
-        assert told.error == pytest.approx(error, rel=0.1)
+        assert told.error == pytest.approx(error, rel=0.05 if factor == 0.6 else 0.1)
         assert told.verdict == "right"
 
 

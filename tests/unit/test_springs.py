@@ -47,7 +47,7 @@ def test_a_common_turn_of_both_ends_strains_no_spring(points, along):
     np.testing.assert_allclose(values(reading, moved(points)), 0.0, atol=1e-12)
 
 
-def test_an_end_that_turns_against_the_ground_reads_its_shift_and_its_rotationrotation_vector(points):
+def test_an_end_that_turns_against_the_ground_reads_its_shift_and_its_rotation_vector(points):
     one = spring(points, Along.END, second=False)
     reading = SpringReading(points, one)
     centre = one.places[0]
