@@ -37,17 +37,17 @@ class ElementType(Enum):
 
     C3D4 = "C3D4", shapes.TETRAHEDRON_4, shapes.tetrahedron_rule(1), shapes.tetrahedron_rule(2)
     C3D6 = "C3D6", shapes.WEDGE_6, shapes.wedge_rule(1, 2), shapes.wedge_rule(2, 2)
-    C3D8 = "C3D8", shapes.BRICK_8, shapes.brick_rule(2), shapes.brick_rule(2), False
-    C3D8I = "C3D8I", shapes.BRICK_8, shapes.brick_rule(2), shapes.brick_rule(2), True, True
+    C3D8 = "C3D8", shapes.BRICK_8, shapes.brick_rule(2), shapes.brick_rule(2), "full"
+    C3D8I = "C3D8I", shapes.BRICK_8, shapes.brick_rule(2), shapes.brick_rule(2), "incompatible"
     C3D10 = "C3D10", shapes.TETRAHEDRON_10, shapes.tetrahedron_rule(2), shapes.tetrahedron_rule(4)
     C3D15 = "C3D15", shapes.WEDGE_15, shapes.wedge_rule(2, 3), shapes.wedge_rule(5, 3)
-    C3D20 = "C3D20", shapes.BRICK_20, shapes.brick_rule(3), shapes.brick_rule(3), False
+    C3D20 = "C3D20", shapes.BRICK_20, shapes.brick_rule(3), shapes.brick_rule(3), "full"
     C3D20R = "C3D20R", shapes.BRICK_20, shapes.brick_rule(2), shapes.brick_rule(2)
-    S3 = "S3", shapes.SHEET_3, shell_rule(shapes.TRIANGLE_3), shapes.wedge_rule(2, 2), False, False, True
-    S4 = "S4", shapes.SHEET_4, shell_rule(shapes.RECTANGLE_4), shapes.brick_rule(2), False, False, True
-    S6 = "S6", shapes.SHEET_6, shell_rule(shapes.TRIANGLE_6), shapes.wedge_rule(5, 2), False, False, True
-    S8 = ("S8", shapes.SHEET_9, shell_rule(shapes.RECTANGLE_9), prism_rule(rectangle_rule(), 2), False, False, True)
-    B31 = "B31", shapes.BRICK_8, shapes.beam_rule(), shapes.brick_rule(2), False, False, False, True
+    S3 = "S3", shapes.SHEET_3, shell_rule(shapes.TRIANGLE_3), shapes.wedge_rule(2, 2), "shell"
+    S4 = "S4", shapes.SHEET_4, shell_rule(shapes.RECTANGLE_4), shapes.brick_rule(2), "shell"
+    S6 = "S6", shapes.SHEET_6, shell_rule(shapes.TRIANGLE_6), shapes.wedge_rule(5, 2), "shell"
+    S8 = "S8", shapes.SHEET_9, shell_rule(shapes.RECTANGLE_9), prism_rule(rectangle_rule(), 2), "shell"
+    B31 = "B31", shapes.BRICK_8, shapes.beam_rule(), shapes.brick_rule(2), "beam"
 
     def __new__(cls, name: str, *_: object) -> "ElementType":
         """Let the name be the value."""
@@ -55,25 +55,10 @@ class ElementType(Enum):
         member._value_ = name
         return member
 
-    def __init__(
-        self,
-        _: str,
-        shape: Shape,
-        stiffness: Quadrature,
-        mass: Quadrature,
-        assumed: bool = True,
-        incompatible: bool = False,
-        shell: bool = False,
-        beam: bool = False,
-    ):
-        self.shape = shape
-        self.stiffness = stiffness
-        self.mass = mass
-        self.assumed = assumed
-        self.incompatible = incompatible
-        self.shell = shell
-        self.beam = beam
-        self.natural = shell or beam
+    def __init__(self, _: str, shape: Shape, stiffness: Quadrature, mass: Quadrature, sort: str = ""):
+        self.shape, self.stiffness, self.mass = shape, stiffness, mass
+        self.incompatible, self.shell, self.beam = (sort == one for one in ("incompatible", "shell", "beam"))
+        self.assumed, self.natural = sort in ("", "incompatible"), self.shell or self.beam
 
     @property
     def node_count(self) -> int:

@@ -170,4 +170,4 @@ def _placement(card: Card) -> tuple[FloatArray, FloatArray] | tuple[None, None]:
 
 
 def _numbers(line: Line) -> list[float]:
-    return [number(text, line, "each number of an instance's placement") if text else 0.0 for text in fields(line)]
+    return [number(text, line, "each number of an instance's placement", 0.0) for text in fields(line)]

@@ -1,12 +1,11 @@
 """What hangs at nodes of a deck: masses (MASS, ROTARYI), springs and dampers (SPRINGA, SPRING1, SPRING2, DASHPOT)."""
 
 from collections.abc import Sequence, Set
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
-from flexfmu.files.basics import BoolArray, FloatArray, IntArray, listed
+from flexfmu.files.basics import BoolArray, FloatArray, IntArray, UnitSystem, listed
 from flexfmu.mesh.decks.cards import Card, Line, fields, integer, number
 from flexfmu.mesh.decks.couplings import Coupling
 from flexfmu.mesh.decks.geometry import Element
@@ -20,13 +19,12 @@ MASSES = {"MASS": "MASS", "ROTARYINERTIA": "ROTARYI"}
 _PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
-def point_masses(cards: Sequence[Card], deck: Deck, carriers: "Carriers") -> tuple[PointMass, ...]:
+def point_masses(cards: Sequence[Card], carriers: "Carriers") -> tuple[PointMass, ...]:
     """Return the masses of the cards *MASS and *ROTARY INERTIA.
 
     Parameters
     ----------
     cards : sequence of Card
-    deck : Deck
     carriers : Carriers
 
     Returns
@@ -39,42 +37,25 @@ def point_masses(cards: Sequence[Card], deck: Deck, carriers: "Carriers") -> tup
     DeckError
         Numbers are missing or negative, elements are of another type, or nothing carries a node.
     """
-    given, found, labels = _given(cards, deck), [], deck.nodes.labels()
-    for row in sorted(given):
-        one, on = given[row], carriers.of(row)
+    deck, given = carriers.deck, dict[int, tuple[Line, float, FloatArray]]()
+    for card in cards:
+        mass, inertia = _mass_numbers(card, deck.units)
+        for one in deck.chosen(card, [MASSES[card.key]]):
+            row = deck.nodes.rows_of(one)[0]
+            _, before, turning = given.get(row, (card.line, 0.0, np.zeros((3, 3))))
+            given[row] = card.line, before + mass, turning + inertia
+    found, labels = [], deck.nodes.labels()
+    for row, (line, mass, inertia) in sorted(given.items()):
+        on = carriers.of(row)
         if on is None:
             fault = f"node {labels[row]} has a mass and belongs to no element and no coupling, which would carry it"
-            raise one.line.error(f"{fault}; couple it (*COUPLING), or take the mass out")
-        if on.size == 1 and np.any(one.inertia) and row not in carriers.turning:
-            place = f"{one.line.place}: node {labels[row]}"
+            raise line.error(f"{fault}; couple it (*COUPLING), or take the mass out")
+        if on.size == 1 and np.any(inertia) and row not in carriers.turning:
+            place = f"{line.place}: node {labels[row]}"
             deck.notes.append(f"{place} of a solid does not turn: its rotary inertia does nothing")
-        found.append(PointMass(f"node {labels[row]}", carriers.points[row], on, one.mass, one.inertia))
+        found.append(PointMass(f"node {labels[row]}", carriers.points[row], on, mass, inertia))
     deck.notes.extend(masses_note(found, "nodes"))
     return tuple(found)
-
-
-def _given(cards: Sequence[Card], deck: Deck) -> dict[int, "_Given"]:
-    """What the cards give a node, by its row."""
-    given, units = dict[int, _Given](), deck.units
-    for card in cards:
-        values = _mass_numbers(card)
-        for row in (deck.nodes.rows_of(other)[0] for other in deck.chosen(card, [MASSES[card.key]])):
-            one = given.setdefault(row, _Given(card.line))
-            one.line = card.line
-            if card.key == "MASS":
-                one.mass += values[0] * units.density * units.length**3
-            else:
-                one.inertia = one.inertia + _matrix(values) * units.density * units.length**5
-    return given
-
-
-@dataclass(slots=True)
-class _Given:
-    """Mass (kg) and inertia (kg m²) of a node, and the last line that gave it some."""
-
-    line: Line
-    mass: float = 0.0
-    inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +64,11 @@ class Carriers:
 
     Attributes
     ----------
+    deck : Deck
     points : (n, 3) float
         m.
+    fixed : (n, 6) bool
+        What the deck holds of each node.
     used : set of int
         Rows of nodes of elements.
     turning : set of int
@@ -92,7 +76,9 @@ class Carriers:
     couplings : sequence of Coupling
     """
 
+    deck: Deck
     points: FloatArray
+    fixed: BoolArray
     used: set[int]
     turning: set[int]
     couplings: Sequence[Coupling]
@@ -103,71 +89,52 @@ class Carriers:
             return np.array([row])
         return next((coupling.nodes for coupling in self.couplings if coupling.reference == row), None)
 
-
-def _mass_numbers(card: Card) -> list[float]:
-    """Numbers of the first row."""
-    texts, line = card.row, card.first
-    wanted = 1 if card.key == "MASS" else 3
-    if len(texts) < wanted:
-        raise line.error(f"*{card.keyword} should have a row of {wanted} numbers or more, found {len(texts)}")
-    values = [number(text, line, f"each number of *{card.keyword}") if text else 0.0 for text in texts[:6]]
-    if min(values[:wanted]) < 0.0:
-        raise line.error(f"*{card.keyword} has the number {min(values[:wanted]):g}; masses are positive")
-    return values
-
-
-def _matrix(values: Sequence[float]) -> FloatArray:
-    """Matrix (3, 3) of moments and products of inertia, I12 = −∫ρ x y."""
-    result = np.zeros((3, 3))
-    for (i, j), value in zip(_PLACES, values, strict=False):
-        result[i, j] = result[j, i] = value
-    return result
-
-
-SPRINGS = {key: tuple(key + end for end in "A12") for key in ("SPRING", "DASHPOT")}
-"""Cards, and the types of the elements that each is for."""
-
-
-class _Ends(NamedTuple):
-    """What springs may hang on: nodes that something carries, and nodes that are ground."""
-
-    deck: Deck
-    carriers: Carriers
-    fixed: BoolArray
-
-    def of(self, element: Element) -> tuple[list[IntArray], FloatArray]:
+    def ends(self, element: Element) -> tuple[list[IntArray], FloatArray]:
         """Rows that carry each end of an element, none on the ground, and where they are (2, 3), m."""
         rows = self.deck.nodes.rows_of(element)
         found = []
         for row, label in zip(rows, element.nodes, strict=True):
-            on = self.carriers.of(row)
+            on = self.of(row)
             if on is None and not self.fixed[row, :3].all():
                 raise element.line.error(
                     f"element {element.label} ends at node {label}, which belongs to no element and no coupling and is "
                     "not held: nothing carries it; couple it (*COUPLING), or hold it (*BOUNDARY, 1 to 3) as ground"
                 )
             found.append(np.zeros(0, dtype=np.int64) if on is None else on)
-        places = self.carriers.points[rows]
+        places = self.points[rows]
         return [*found, np.zeros(0, dtype=np.int64)][:2], np.array([places[0], places[-1]])
 
 
+def _mass_numbers(card: Card, units: UnitSystem) -> tuple[float, FloatArray]:
+    """Mass, kg, or moments and products of inertia (3, 3), I12 = −∫ρ x y, kg m², of the first row."""
+    texts, line = card.row, card.first
+    wanted = 1 if card.key == "MASS" else 3
+    if len(texts) < wanted:
+        raise line.error(f"*{card.keyword} should have a row of {wanted} numbers or more, found {len(texts)}")
+    values = [number(text, line, f"each number of *{card.keyword}", 0.0) for text in texts[:6]]
+    if min(values[:wanted]) < 0.0:
+        raise line.error(f"*{card.keyword} has the number {min(values[:wanted]):g}; masses are positive")
+    inertia = np.zeros((3, 3))
+    if card.key == "MASS":
+        return values[0] * units.density * units.length**3, inertia
+    for (i, j), value in zip(_PLACES, values, strict=False):
+        inertia[i, j] = inertia[j, i] = value
+    return 0.0, inertia * units.density * units.length**5
+
+
+SPRINGS = {key: tuple(key + end for end in "A12") for key in ("SPRING", "DASHPOT")}
+"""Cards, and the types of the elements that each is for."""
+
+
 def deck_springs(
-    cards: Sequence[Card],
-    deck: Deck,
-    carriers: Carriers,
-    fixed: BoolArray,
-    orientations: dict[str, Orientation],
-    transformed: Set[int],
+    cards: Sequence[Card], carriers: Carriers, orientations: dict[str, Orientation], transformed: Set[int]
 ) -> tuple[SpringDamper, ...]:
     """Return the springs and dampers of the cards *SPRING and *DASHPOT.
 
     Parameters
     ----------
     cards : sequence of Card
-    deck : Deck
     carriers : Carriers
-    fixed : (n, 6) bool
-        What the deck holds of each node.
     orientations : dict of str to Orientation
         By name in capitals.
     transformed : set of int
@@ -182,17 +149,14 @@ def deck_springs(
     DeckError
         What is not linear, elements of another type or without a card, or an end that nothing carries.
     """
-    found, known, ends = [], set(), _Ends(deck, carriers, fixed)
+    found, known, deck = [], set(), carriers.deck
     for card in cards:
-        directions, value = _spring_numbers(card)
-        turned: Orientation | None = None
-        if name := card.parameters.get("ORIENTATION"):
-            turned = orientations.get(card.scope.qualified(name).upper())
-            if turned is None:
-                raise card.line.error(f"*{card.keyword} names the orientation '{name}', which is not there")
+        given = _spring_numbers(card)
+        name = card.parameters.get("ORIENTATION")
+        turned = card.scope.find(name, orientations, "orientation", card.line) if name else None
         for element in deck.chosen(card, SPRINGS[card.key]):
             known.add(element.label)
-            found.append(_spring(card, element, ends, turned, directions, value))
+            found.append(_spring(card, element, carriers, turned, *given))
     lone = [one for one in deck.elements.others if one.name.startswith(tuple(SPRINGS)) and one.label not in known]
     if lone:
         raise lone[0].line.error(f"element {lone[0].label} of type {lone[0].name} has no *SPRING or *DASHPOT; add it")
@@ -203,10 +167,10 @@ def deck_springs(
 
 
 def _spring(
-    card: Card, element: Element, ends: _Ends, turned: Orientation | None, directions: tuple[int, ...], value: float
+    card: Card, element: Element, on: Carriers, turned: Orientation | None, directions: tuple[int, ...], value: float
 ) -> SpringDamper:
     """The spring or damper that an element is."""
-    (on, places), units = ends.of(element), ends.deck.units
+    (ends, places), units = on.ends(element), on.deck.units
     numbers, line = np.zeros(6), element.name.endswith("A")
     if line and not np.linalg.norm(places[0] - places[1]) > 0.0:
         raise element.line.error(f"both nodes of element {element.label} are in one place: {element.name} has no line")
@@ -222,7 +186,7 @@ def _spring(
     stiffness, damping = (numbers, still) if card.key == "SPRING" else (still, numbers)
     along = Along.LINE if line else Along.FIXED
     name = f"{element.name} {element.label}"
-    return SpringDamper(name, (on[0], on[1]), places, places.mean(axis=0), axes, stiffness, damping, along)
+    return SpringDamper(name, (ends[0], ends[1]), places, places.mean(axis=0), axes, stiffness, damping, along)
 
 
 def _spring_numbers(card: Card) -> tuple[tuple[int, ...], float]:

@@ -270,7 +270,7 @@ def integer(text: str, line: Line, what: str) -> int:
         raise line.error(f"{what} should be a whole number, found '{text}'") from None
 
 
-def number(text: str, line: Line, what: str) -> float:
+def number(text: str, line: Line, what: str, blank: float = math.nan) -> float:
     """Return a field as a finite number; Fortran's exponent D is understood.
 
     Parameters
@@ -280,6 +280,8 @@ def number(text: str, line: Line, what: str) -> float:
         Where the field stands.
     what : str
         The field's meaning, for the message.
+    blank : float
+        What an empty field stands for; without it a field has to be there.
 
     Returns
     -------
@@ -291,7 +293,7 @@ def number(text: str, line: Line, what: str) -> float:
         It is no finite number.
     """
     try:
-        value = float(re.sub("[dD]", "e", text))
+        value = float(re.sub("[dD]", "e", text)) if text else blank
     except ValueError:
         value = math.nan
     if not math.isfinite(value):

@@ -17,10 +17,9 @@ from flexfmu.mesh.decks.couplings import COUPLINGS, CouplingTable, offered
 from flexfmu.mesh.decks.equations import TieTable, equations, held_by_steps, hold, inclined
 from flexfmu.mesh.decks.geometry import Elements, ElementTable, NodeTable
 from flexfmu.mesh.decks.keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
-from flexfmu.mesh.decks.materials import Assigned, DeckMaterials
+from flexfmu.mesh.decks.materials import DeckMaterials
 from flexfmu.mesh.decks.orientation import orientation
 from flexfmu.mesh.decks.sets import Deck, DeckSurface, SetTable, surface
-from flexfmu.mesh.elements import ElementBlock
 from flexfmu.mesh.equations import Row, matrix_of
 from flexfmu.mesh.model import Mesh
 from flexfmu.mesh.shells import FoldedShellError, expanded
@@ -108,26 +107,24 @@ def _mesh(content: "_Content", deck: Deck) -> tuple[Mesh, BoolArray]:
     rows += _equations(content, deck, surfaces, points, axes, used | {*np.nonzero(fixed)[0].tolist()})
     couplings = content.couplings.resolved(deck, own)
     turning = {row for block in blocks if block.type.beam for row in block.connectivity.ravel().tolist()}
-    carriers = Carriers(points * units.length, used | _tied(rows, fixed), turning, couplings)
+    carriers = Carriers(deck, points * units.length, fixed, used | _tied(rows, fixed), turning, couplings)
     heavy, soft = ([card for key in keys for card in content.cards[key]] for keys in (MASSES, SPRINGS))
-    masses = point_masses(heavy, deck, carriers)
-    springs = deck_springs(soft, deck, carriers, fixed, content.materials.orientations, axes.keys())
+    masses = point_masses(heavy, carriers)
+    springs = deck_springs(soft, carriers, content.materials.orientations, axes.keys())
     used |= {key // 3 for row in rows for key in row}
     coupled, references, links, pinned, told = offered(couplings, points * units.length, fixed, used)
     rows += pinned
     content.notes.extend(told)
-    labels = np.concatenate([block.labels for block in blocks])
-    centres = np.concatenate([points[block.connectivity].mean(axis=1) for block in blocks])
-    made = content.materials.assigned(element_sets, labels, centres)
+    materials, made = content.materials.assigned(element_sets, blocks, points)
     faces = _sets_of_faces(content, deck)
-    telling = (content.assembly, content.elements, content, node_sets, element_sets, made)
+    telling = (content.assembly, content.elements, content, node_sets, element_sets, content.materials)
     mesh = Mesh(
         points=points * units.length,
         labels=content.nodes.labels(),
-        blocks=_with_materials(blocks, made),
+        blocks=made,
         node_sets=node_sets.arrays() | {name: found.nodes for name, found in own.items()} | faces | coupled | by_steps,
-        element_sets=_solids(element_sets, len(labels)),
-        materials=made.materials,
+        element_sets=_solids(element_sets, elements.solid_count),
+        materials=materials,
         fixed=fixed[:, :3],
         references=references,
         masses=masses,
@@ -332,10 +329,3 @@ def _solids(element_sets: SetTable, count: int) -> dict[str, IntArray]:
     """Element sets without what is no solid; those of nothing else are left out."""
     found = element_sets.arrays()
     return {name: rows[rows < count] for name, rows in found.items() if not rows.size or rows[0] < count}
-
-
-def _with_materials(blocks: tuple[ElementBlock, ...], made: Assigned) -> tuple[ElementBlock, ...]:
-    ends = np.cumsum([len(block.labels) for block in blocks])[:-1]
-    axes = [None] * len(blocks) if made.axes is None else np.split(made.axes, ends)
-    every = zip(blocks, np.split(made.rows, ends), axes, strict=True)
-    return tuple(replace(block, material=rows, axes=own) for block, rows, own in every)

@@ -146,8 +146,7 @@ def _dofs(texts: list[str], line: Line, moved: list[str]) -> tuple[int, ...]:
     if not 1 <= first <= last <= LAST_DOF:
         found = f"degrees of freedom {first} to {last} cannot be held"
         raise line.error(f"{found}; give an ascending range of the translations 1 to 3")
-    value = number(texts[2], line, "the displacement") if texts[2:] and texts[2] else 0.0
-    if value != 0.0:
+    if number("".join(texts[2:]), line, "the displacement", 0.0) != 0.0:
         moved.append(line.text)
         return ()
     return tuple(range(first, last + 1))

@@ -286,7 +286,7 @@ def _irregular_node(line: Line) -> tuple[int, tuple[float, float, float]]:
     if any(parts[4:]) and (parts[3] or any(number(text, line, "each coordinate") for text in parts[4:] if text)):
         raise line.error(f"node {label} has {len(parts) - 1} coordinates, expected 3; keep x, y and z")
     x, y, z = (
-        number(text, line, f"coordinate {axis} of node {label}") if text else 0.0
+        number(text, line, f"coordinate {axis} of node {label}", 0.0)
         for axis, text in zip("xyz", [*parts[1:4], "", "", ""][:3], strict=True)
     )
     return label, (x, y, z)

@@ -1,7 +1,8 @@
 """Materials of a deck, their elastic constants, and the sections of solids and shells that name them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from flexfmu.mesh.checks import is_likely_density
 from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
 from flexfmu.mesh.decks.orientation import Orientation, orientation
 from flexfmu.mesh.decks.sets import SetTable
+from flexfmu.mesh.elements import ElementBlock
 from flexfmu.mesh.model import NO_MATERIAL, Material, isotropic_average, laminate
 
 # Constants a row holds at most, in both solvers.
@@ -61,38 +63,18 @@ def _matrix(kind: str, values: FloatArray, line: Line, units: UnitSystem) -> tup
 
 # Hardly any solid lies outside, kg/m³; a deck whose units are not the declared ones misses by 1e6 and more.
 DENSITY_RANGE = (1e-4, 1e5)
-_UNTOLD = float("nan")
 # Differences of directions that are none.
 _SAME = 1e-6
+
+
+def untold(name: str) -> Material:
+    """A material of which nothing is said."""
+    return Material(name, np.nan, np.nan, np.nan)
 
 
 def _vectors(line: Line) -> Line:
     """A row of a distribution without the element or set."""
     return line._replace(text=line.text.partition(",")[2])
-
-
-@dataclass(slots=True)
-class MaterialCard:
-    """What the deck says of one material, SI units.
-
-    Attributes
-    ----------
-    name : str
-    line : Line
-        The *MATERIAL line, or the section's where there is none.
-    elastic : tuple of float or None
-        Young's modulus, N/m², and Poisson's ratio.
-    constants : tuple of float or None
-        As of `Material.constants`.
-    density : float or None
-        kg/m³.
-    """
-
-    name: str
-    line: Line
-    elastic: tuple[float, float] | None = None
-    constants: tuple[float, ...] | None = None
-    density: float | None = None
 
 
 class Ply(NamedTuple):
@@ -131,25 +113,6 @@ def plies(card: Card) -> tuple[Ply, ...]:
     return (*found, *(found[::-1] if "SYMMETRIC" in card.parameters else ()))
 
 
-class Assigned(NamedTuple):
-    """What the elements are made of.
-
-    Attributes
-    ----------
-    materials : tuple of Material
-    rows : (n_elements,) int
-        Rows of `materials`, or `NO_MATERIAL`.
-    axes : (n_elements, 3, 3) float or None
-        None where no material has a direction.
-    notes : tuple of str
-    """
-
-    materials: tuple[Material, ...]
-    rows: IntArray
-    axes: FloatArray | None
-    notes: tuple[str, ...]
-
-
 @dataclass(slots=True)
 class DeckMaterials:
     """The materials and sections read so far.
@@ -157,8 +120,8 @@ class DeckMaterials:
     Attributes
     ----------
     units : UnitSystem
-    cards : dict of str to MaterialCard
-        By name in capitals.
+    cards : dict of str to (Line, Material)
+        By name in capitals: where it begins, and what is said of it so far; constants that are not are NaN.
     sections : list of Section
     orientations : dict of str to Orientation
     distributions : dict of str to Card
@@ -169,7 +132,7 @@ class DeckMaterials:
     """
 
     units: UnitSystem
-    cards: dict[str, MaterialCard] = field(default_factory=dict)
+    cards: dict[str, tuple[Line, Material]] = field(default_factory=dict)
     sections: list[Section] = field(default_factory=list)
     orientations: dict[str, Orientation] = field(default_factory=dict)
     distributions: dict[str, Card] = field(default_factory=dict)
@@ -191,7 +154,7 @@ class DeckMaterials:
         name = card.required("NAME")
         if name.upper() in self.cards:
             raise card.line.error(f"material '{name}' is defined again; rename or remove one of them")
-        self.cards[name.upper()] = MaterialCard(name, card.line)
+        self.cards[name.upper()] = card.line, untold(name)
 
     def elastic(self, card: Card) -> None:
         """Take an *ELASTIC card; of several temperatures the first.
@@ -219,10 +182,11 @@ class DeckMaterials:
             at = f" ({values[count]:g})" if len(values) > count else ""
             taken = f"the elastic constants of the first temperature{at} are taken for all"
             self.notes.append(f"{card.line.place}: {taken}")
-        isotropic = _isotropic(card.data[0], values, self.units) if count == 2 else None
-        constants = None if count == 2 else _matrix(kind, np.array(values[:count]), card.data[0], self.units)
-        made = self._current(card)
-        made.elastic, made.constants = isotropic, constants
+        line, constants = card.data[0], None
+        if count > 2:
+            constants = _matrix(kind, np.array(values[:count]), line, self.units)
+        modulus, ratio = isotropic_average(constants) if constants else _isotropic(line, values, self.units)
+        self._tell(card, youngs_modulus=modulus, poissons_ratio=ratio, constants=constants)
 
     def density(self, card: Card) -> None:
         """Take a *DENSITY card.
@@ -255,7 +219,7 @@ class DeckMaterials:
                 f"expected {DENSITY_RANGE[0]:g} to {DENSITY_RANGE[1]:g}"
                 + ("".join(likely) or "; correct the density or the units given for this file")
             )
-        self._current(card).density = density
+        self._tell(card, density=density)
 
     def section(self, card: Card) -> None:
         """Take a *SOLID SECTION card, or that of shells or beams.
@@ -307,29 +271,33 @@ class DeckMaterials:
         """
         self.distributions[card.scope.qualified(card.required("NAME")).upper()] = card
 
-    def assigned(self, element_sets: SetTable, labels: IntArray, centres: FloatArray) -> Assigned:
-        """Return the materials that sections name, and which one each element has.
+    def assigned(
+        self, element_sets: SetTable, blocks: Sequence[ElementBlock], points: FloatArray
+    ) -> tuple[tuple[Material, ...], tuple[ElementBlock, ...]]:
+        """Return the materials that sections name, and the elements with these.
 
         Parameters
         ----------
         element_sets : SetTable
-        labels : (n_elements,) int
-            Element numbers, blocks laid end to end.
-        centres : (n_elements, 3) float
-            Where the material's axes are asked for, in the deck's units.
+        blocks : sequence of ElementBlock
+        points : (n, 3) float
+            In the deck's units.
 
         Returns
         -------
-        Assigned
+        materials : tuple of Material
             Constants that the deck does not tell are NaN.
+        blocks : tuple of ElementBlock
+            With axes where any material has a direction.
 
         Raises
         ------
         DeckError
             A section names an unknown set or orientation, or an element has two materials.
         """
-        used: dict[str, int] = {}
-        materials: list[Material] = []
+        made: dict[str, Material] = {}
+        labels = np.concatenate([block.labels for block in blocks])
+        centres = np.concatenate([points[block.connectivity].mean(axis=1) for block in blocks])
         rows = np.full(len(labels), NO_MATERIAL, dtype=np.int64)
         axes = np.tile(np.eye(3), (len(labels), 1, 1))
         directed = False
@@ -339,29 +307,27 @@ class DeckMaterials:
             base = self._axes(section, centres[members])
             self._except(section, element_sets, members, centres[members], base)
             name = section.material.upper()
-            if name not in used:
-                used[name] = len(materials)
+            if name not in made:
                 layered = section.layers and len(members)
-                made = self._laminate(section, centres[members], base) if layered else self._material(section)
-                materials.append(made)
-            row = used[name]
+                made[name] = self._laminate(section, centres[members], base) if layered else self._material(section)
+            row = list(made).index(name)
             taken = members[(rows[members] != NO_MATERIAL) & (rows[members] != row)]
             if len(taken):
                 raise section.line.error(
                     f"elements of set '{section.element_set}' have the material "
-                    f"'{materials[rows[taken[0]]].name}' already: {listed(labels[taken])}; "
+                    f"'{[*made.values()][rows[taken[0]]].name}' already: {listed(labels[taken])}; "
                     f"give each element one section"
                 )
             rows[members] = row
             axes[members] = base
-            directed |= materials[row].constants is not None or bool(section.layers)
-        plied = {layer.material.upper() for section in self.sections for layer in section.layers}
-        unused = [
-            f"{card.line.place}: no section uses the material '{card.name}'"
-            for key, card in self.cards.items()
-            if key not in {*used, *plied}
-        ]
-        return Assigned(tuple(materials), rows, axes if directed else None, (*self.notes, *unused))
+            directed |= made[name].constants is not None or bool(section.layers)
+        used = {layer.material.upper() for section in self.sections for layer in section.layers} | made.keys()
+        idle = [card for key, card in self.cards.items() if key not in used]
+        self.notes += [f"{line.place}: no section uses the material '{one.name}'" for line, one in idle]
+        ends = np.cumsum([len(block.labels) for block in blocks])[:-1]
+        every = zip(blocks, np.split(rows, ends), np.split(axes, ends), strict=True)
+        parts = (replace(block, material=row, axes=own if directed else None) for block, row, own in every)
+        return tuple(made.values()), tuple(parts)
 
     def _axes(self, section: Section, places: FloatArray, name: str = "") -> FloatArray:
         """Axes (n, 3, 3), as columns, of a section's orientation or another; of shells the last is the normal's."""
@@ -386,10 +352,8 @@ class DeckMaterials:
         texts = [layer.direction for layer in section.layers]
         named = [text for text in texts if text and not text.lstrip("+-.")[:1].isdigit()]
         if not named:
-            angles = [
-                np.radians(number(layer.direction, layer.line, "the angle of the layer")) if layer.direction else 0.0
-                for layer in section.layers
-            ]
+            degrees = [number(one.direction, one.line, "the angle of the layer", 0.0) for one in section.layers]
+            angles = np.radians(degrees).tolist()
         else:
             if any(text and text not in named for text in texts):
                 raise section.line.error("layers have angles and orientations; give them one or the other")
@@ -405,17 +369,14 @@ class DeckMaterials:
         return laminate(section.material, list(zip(heights, angles, materials, strict=True)), by_normal=not named)
 
     def _material(self, section: Section) -> Material:
-        card = self.cards.get(section.material.upper())
-        if card is None:
-            self.notes.append(f"{section.line.place}: the deck does not define the material '{section.material}'")
-            return Material(section.material, _UNTOLD, _UNTOLD, _UNTOLD)
-        density = _UNTOLD if card.density is None else card.density
-        elastic = (_UNTOLD, _UNTOLD) if card.elastic is None else card.elastic
-        if card.constants is not None:
-            elastic = isotropic_average(card.constants)
-        return Material(card.name, *elastic, density, card.constants)
+        if section.material.upper() in self.cards:
+            return self.cards[section.material.upper()][1]
+        self.notes.append(f"{section.line.place}: the deck does not define the material '{section.material}'")
+        return untold(section.material)
 
-    def _current(self, card: Card) -> MaterialCard:
+    def _tell(self, card: Card, **constants: Any) -> None:
+        """Say more of the last material."""
         if not self.cards:
             raise card.line.error(f"*{card.keyword} stands before any *MATERIAL; put it below the one it belongs to")
-        return list(self.cards.values())[-1]
+        name, (line, known) = [*self.cards.items()][-1]
+        self.cards[name] = line, replace(known, **constants)

@@ -97,8 +97,7 @@ def orientation(card: Card) -> Orientation:
             f"*ORIENTATION with SYSTEM={system} and {len(card.data)} rows is not supported; give RECTANGULAR or "
             "CYLINDRICAL and the row 'x1, y1, z1, x2, y2, z2', then 'axis, degrees' if it is turned"
         )
-    texts = fields(card.data[0])
-    values = np.array([number(text, card.data[0], "each coordinate") if text else 0.0 for text in texts])
+    values = np.array([number(text, card.data[0], "each coordinate", 0.0) for text in card.row])
     if values.size not in (6, 9):
         raise card.data[0].error(f"an orientation takes two points, 6 numbers, or three, 9; found {values.size}")
     first, second = values[:3], values[3:6]
@@ -115,8 +114,7 @@ def orientation(card: Card) -> Orientation:
         axis = integer(row[0], card.data[1], "the axis of the turn") if row[0] else 1
         if not 1 <= axis <= 3:
             raise card.data[1].error(f"the axis of the turn should be 1, 2 or 3, found {axis}")
-        angle = number(row[1], card.data[1], "the turn") if row[1] else 0.0
-        turn = turned_by(np.radians(angle) * np.eye(3)[axis - 1])
+        turn = turned_by(np.radians(number(row[1], card.data[1], "the turn", 0.0)) * np.eye(3)[axis - 1])
     if card.scope.rotation is not None and card.scope.shift is not None:
         first, second = (card.scope.rotation @ point for point in (first, second))
         if cylindrical:

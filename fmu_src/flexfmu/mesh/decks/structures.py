@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from math import inf
+from math import inf, nan
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -11,9 +11,10 @@ from flexfmu.files.basics import FloatArray, IntArray, MeshError, UnitSystem, li
 from flexfmu.mesh.beams import Beam, CrossSection, box, ellipse, i_section, l_section, pipe, rectangle
 from flexfmu.mesh.decks.cards import Card, fields, number
 from flexfmu.mesh.decks.geometry import ElementTable
-from flexfmu.mesh.decks.materials import DeckMaterials, MaterialCard, plies
+from flexfmu.mesh.decks.materials import DeckMaterials, plies
 from flexfmu.mesh.decks.sets import Deck
 from flexfmu.mesh.elements import ElementBlock, ElementType
+from flexfmu.mesh.model import Material
 from flexfmu.mesh.shells import MOST_NODES, at_nodes
 
 Made = TypeVar("Made")
@@ -289,8 +290,8 @@ def _beam(card: Card, materials: DeckMaterials, units: UnitSystem) -> Beam:
         constants = *section.constants[:3], *(over * one for one in section.constants[3:])
         section = section._replace(constants=constants)
         text, name = card.parameters.get("DENSITY"), f"section of {card.required('ELSET')}"
-        density = number(text, card.line, "DENSITY") * units.density if text else None
-        materials.cards[name.upper()] = MaterialCard(name, card.line, (rows[2][0] * units.stress, 0.0), None, density)
+        density = number(text, card.line, "DENSITY") * units.density if text else nan
+        materials.cards[name.upper()] = card.line, Material(name, rows[2][0] * units.stress, 0.0, density)
         card = replace(card, parameters={**card.parameters, "MATERIAL": name})
     materials.section(card)
     return Beam(section.scaled(units.length), direction, place)
