@@ -7,17 +7,7 @@ from html import escape
 from pathlib import Path
 from typing import Any, Literal
 
-from .build.choices import (
-    Interface,
-    NodeChoices,
-    Nodes,
-    Support,
-    checked_spec,
-    interface_table,
-    material_table,
-    plain,
-    support_table,
-)
+from .build.choices import Interface, NodeChoices, Nodes, Support, checked_spec, material_table, plain
 from .build.config import read_body_file
 from .build.reduce import body_model, read_body_mesh, reduce_mesh
 from .files.basics import BodyFileError, UnitSystem, unit_system
@@ -102,8 +92,7 @@ class Body:
         data: dict[str, Any] = {
             "name": name,
             "mesh": {"units": system},
-            "support": [support_table(choices, each, f"support {k}") for k, each in enumerate(supports, start=1)],
-            "interface": [interface_table(choices, key, each) for key, each in (interfaces or {}).items()],
+            **choices.tables(supports, interfaces or {}),
             "damping": {"ratio": plain(damping)},
             **({"free": True} if free else {}),
             **({"cut": _cut_tables(choices, cuts)} if cuts else {}),

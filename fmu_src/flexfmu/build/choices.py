@@ -100,26 +100,23 @@ class NodeChoices:
         self.mesh = replace(self.mesh, node_sets={**self.mesh.node_sets, title: rows})
         return title
 
-
-def support_table(sets: NodeChoices, given: Support | Nodes, title: str) -> dict[str, Any]:
-    """A table of `[[support]]`; its nodes become a set of the mesh where they are not one."""
-    support = given if isinstance(given, Support) else Support(given)
-    told = {**_told(support), "nodes": sets.name(support.nodes, title), "fix": list(support.fix)}
-    if len(told) > 2:
+    def tables(
+        self, supports: Sequence[Support | Nodes], interfaces: Mapping[str, Interface | Nodes]
+    ) -> dict[str, list[dict[str, Any]]]:
+        """The tables `[[support]]` and `[[interface]]`; nodes become sets of the mesh where they are none."""
+        held = [one if isinstance(one, Support) else Support(one) for one in supports]
+        moved = {key: one if isinstance(one, Interface) else Interface(one) for key, one in interfaces.items()}
+        told = [self._told(one, f"support {k}") | {"fix": list(one.fix)} for k, one in enumerate(held, start=1)]
         # Springs or dampers hold it instead.
-        del told["fix"]
-    return told
+        firm = [{key: table[key] for key in table if key != "fix" or len(table) == 2} for table in told]
+        return {
+            "support": firm,
+            "interface": [self._told(one, f"interface {key}") | {"name": key} for key, one in moved.items()],
+        }
 
-
-def interface_table(sets: NodeChoices, name: str, given: Interface | Nodes) -> dict[str, Any]:
-    """A table of `[[interface]]`; its nodes become a set of the mesh where they are not one."""
-    interface = given if isinstance(given, Interface) else Interface(given)
-    return {**_told(interface), "name": name, "nodes": sets.name(interface.nodes, f"interface {name}")}
-
-
-def _told(given: Support | Interface) -> dict[str, Any]:
-    """What is said, but for the nodes."""
-    return {key: plain(value) for key, value in fields_of(given).items() if value is not None and key != "nodes"}
+    def _told(self, given: Support | Interface, title: str) -> dict[str, Any]:
+        found = {key: plain(value) for key, value in fields_of(given).items() if value is not None}
+        return found | {"nodes": self.name(given.nodes, title)}
 
 
 def material_table(given: Sequence[float] | Mapping[str, float]) -> dict[str, Any]:

@@ -1,8 +1,8 @@
 """A readable description of a reduced body, for `flexfmu info`."""
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 from rich.markup import escape
@@ -30,16 +30,35 @@ def describe(body: ReducedBody) -> list[RenderableType]:
     -------
     list of rich renderables
     """
+    found = data(body)
     head = (
         f"[bold]{body.name}[/]: {plural(body.mode_count, 'mode')}, {plural(body.interface_count, 'interface')}, "
-        f"{plural(body.frame_count, 'frame')}; method {chosen(body).words}"
+        f"{plural(body.frame_count, 'frame')}; method {found['method']}"
     )
-    offered = f"methods: {'; '.join(variant.words for variant in offered_variants(body))}"
     missed = [f"[yellow]warning:[/] {escape(words)}" for words in [missed_words(body)] if words]
-    return [head, offered, *missed, _properties(body), _modes(body), _interfaces(body), _frames(body), _origin(body)]
+    modes = [(one["name"], f"{one['frequency']:.6g}", f"{one['damping_ratio']:.4g}") for one in found["modes"]]
+    interfaces = [(one["name"], point(one["point"]), one["frame"] or "none") for one in found["interfaces"]]
+    origin = [(key.replace("_", " "), value) for key, value in sorted(body.provenance.items())]
+    return [
+        head,
+        f"methods: {'; '.join(found['methods'])}",
+        *missed,
+        _table("Body", ["body", Column("", overflow="fold")], _properties(body)),
+        _table("Modes", ["mode", "frequency / Hz", "damping ratio"], modes),
+        _table("Interfaces", ["interface", "point / m", "frame"], interfaces),
+        _frames(body),
+        _table("Origin", ["origin", Column("", overflow="fold")], origin),
+    ]
 
 
-def data(body: ReducedBody) -> dict[str, object]:
+def _table(title: str, columns: Sequence[str | Column], rows: Iterable[Sequence[str]]) -> Table:
+    table = Table(*columns, title=title, title_justify="left")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def data(body: ReducedBody) -> dict[str, Any]:
     """The same as `describe` shows, as plain data: SI units, Hz.
 
     Parameters
@@ -50,8 +69,8 @@ def data(body: ReducedBody) -> dict[str, object]:
     -------
     dict
     """
-    frames = [None if int(parent) == GROUND else body.frame_names[int(parent)] for parent in body.frame_parent]
-    carriers = _carriers(body)
+    names = {GROUND: None} | dict(enumerate(body.frame_names))
+    frames, carriers = ([names[int(k)] for k in frame] for frame in (body.frame_parent, body.interface_frame))
     modes = zip(_mode_names(body), body.angular_frequency.tolist(), body.damping_ratio.tolist(), strict=True)
     return {
         "name": body.name,
@@ -89,25 +108,16 @@ def cost_table(costs: Mapping["Variant", "StepCost"]) -> Table:
     return table
 
 
-def _properties(body: ReducedBody) -> Table:
-    table = Table("body", Column("", overflow="fold"), title="Body", title_justify="left")
+def _properties(body: ReducedBody) -> Iterator[tuple[str, str]]:
     for label, value in () if body.properties is None else summary(body.properties):
-        table.add_row(escape(label), value)
-    table.add_row("first frequency", first_frequency(body.angular_frequency))
+        yield escape(label), value
+    yield "first frequency", first_frequency(body.angular_frequency)
     if body.damper is not None:
         first = body.rigid_count
         more = float((body.damper[:, first] ** 2).sum()) / (2.0 * float(body.angular_frequency[first]))
-        table.add_row("dampers", f"add {more:.3g} to the damping ratio of the first mode")
+        yield "dampers", f"add {more:.3g} to the damping ratio of the first mode"
     if body.membrane is not None:
-        table.add_row("membrane energy", body.membrane.words)
-    return table
-
-
-def _modes(body: ReducedBody) -> Table:
-    table = Table("mode", "frequency / Hz", "damping ratio", title="Modes", title_justify="left")
-    for name, omega, ratio in zip(_mode_names(body), body.angular_frequency, body.damping_ratio, strict=True):
-        table.add_row(name, f"{omega / (2 * math.pi):.6g}", f"{ratio:.4g}")
-    return table
+        yield "membrane energy", body.membrane.words
 
 
 def _mode_names(body: ReducedBody) -> list[str]:
@@ -116,18 +126,6 @@ def _mode_names(body: ReducedBody) -> list[str]:
     chosen = body.provenance.get(NORMAL_MODES, "").split()
     numbers = chosen if len(chosen) == elastic else [str(j) for j in range(1, elastic + 1)]
     return ["rigid"] * body.rigid_count + numbers
-
-
-def _interfaces(body: ReducedBody) -> Table:
-    table = Table("interface", "point / m", "frame", title="Interfaces", title_justify="left")
-    for name, place, carrier in zip(body.interface_names, body.interface_point, _carriers(body), strict=True):
-        table.add_row(name, point(place), carrier or "none")
-    return table
-
-
-def _carriers(body: ReducedBody) -> list[str | None]:
-    """Names of the frames that carry the interfaces."""
-    return [None if int(frame) == GROUND else body.frame_names[int(frame)] for frame in body.interface_frame]
 
 
 def _frames(body: ReducedBody) -> Tree:
@@ -139,10 +137,3 @@ def _frames(body: ReducedBody) -> Tree:
         parent = branches[int(body.frame_parent[s])]
         branches[s] = parent.add(f"{name}  {point(body.joint_point[s])}{carries}")
     return root
-
-
-def _origin(body: ReducedBody) -> Table:
-    table = Table("origin", Column("", overflow="fold"), title="Origin", title_justify="left")
-    for key, value in sorted(body.provenance.items()):
-        table.add_row(key.replace("_", " "), value)
-    return table

@@ -5,16 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..files import outputs
 from ..files.basics import IntArray, OutputError, unit_system
-from ..files.outputs import (
-    PICTURE_SUFFIXES,
-    Reporter,
-    ScriptReporter,
-    check_target,
-    picture_html,
-    records_frame,
-    table_frame,
-)
+from ..files.outputs import Reporter, ScriptReporter
 from ..files.store import Store, default_folder
 
 if TYPE_CHECKING:
@@ -55,7 +48,7 @@ class Checked:
     def to_dataframe(self) -> Any:
         """A pandas.DataFrame, one row a choice: its name, number of nodes, mean place (m)."""
         rows = ((name, len(of), *self.mesh.points[of].mean(axis=0)) for name, of in self.chosen.items())
-        return table_frame(dict(zip(("name", "nodes", *"xyz"), row, strict=True)) for row in rows)
+        return outputs.table_frame(dict(zip(("name", "nodes", *"xyz"), row, strict=True)) for row in rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +75,10 @@ class StabilityMap:
 
     def to_dataframe(self) -> Any:
         """A pandas.DataFrame, one row a run."""
-        return records_frame(self.runs)
+        return outputs.records_frame(self.runs)
 
     def _repr_html_(self) -> str:
-        return f"<p>{self.finding}</p>{picture_html(self.plot())}"
+        return f"<p>{self.finding}</p>{outputs.picture_html(self.plot())}"
 
 
 def check(file: Name, units: str = "m-kg-s") -> Checked:
@@ -299,7 +292,7 @@ def stability(
     elif picture is not None:
         from ..study.pictures import draw_map
 
-        check_target(picture, PICTURE_SUFFIXES, inputs=(records,))
+        outputs.check_target(picture, outputs.PICTURE_SUFFIXES, inputs=(records,))
         draw_map(records, picture)
     return StabilityMap(RUNS.read(records), finding, records)
 

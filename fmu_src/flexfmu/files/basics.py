@@ -147,10 +147,6 @@ def plural(count: int, word: str) -> str:
     return f"{count or 'no'} {word}{'' if count == 1 else 's'}"
 
 
-# So many names are worth reading.
-_SHOWN = 12
-
-
 def nearest(name: str, known: Iterable[str]) -> str:
     """Words that help where a name is unknown: those like it, or those that there are.
 
@@ -167,8 +163,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     near = alike(name, names)
     if near:
         return f"did you mean {' or '.join(map(repr, near))}?"
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return f"there are: {', '.join(names[:_SHOWN])}{more}"
+    return f"there are: {listed(names)}"
 
 
 def alike(name: str, known: Iterable[str], count: int = 3) -> list[str]:

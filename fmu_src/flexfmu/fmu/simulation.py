@@ -91,7 +91,7 @@ def simulate(
         A step that the FMU refuses, or Ctrl-C; with what came out until then.
     """
     report = report or Reporter()
-    description = _description(fmu)
+    description = description_of(fmu)
     inputs = [v.name for v in _known(description, "input", names, fmu)]
     settings = _typed(_known(description, "parameter", parameters or {}, fmu), parameters or {})
     outputs = [v.name for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
@@ -106,16 +106,18 @@ def simulate(
     return outputs, _columns(result, outputs)
 
 
-def _description(fmu: Path) -> ModelDescription:
-    """The model description of an FMU of FMI 2.0."""
+def description_of(fmu: Path) -> ModelDescription:
+    """The model description of an FMU of FMI 2.0 for co-simulation; a SimulationError for others."""
     check_input(fmu, SimulationError, Kind.FMU)
     try:
-        description = fmpy.read_model_description(str(fmu))
+        found = fmpy.read_model_description(str(fmu))
     except Exception as error:  # fmpy raises bare exceptions
         raise SimulationError(f"{fmu}: not a readable FMU ({error})") from error
-    if description.fmiVersion != "2.0":
-        raise SimulationError(f"{fmu} is FMI {description.fmiVersion}: expected FMI 2.0; build it without --fmi 3")
-    return description
+    if found.fmiVersion != "2.0" or found.coSimulation is None:
+        kind = "co-simulation" if found.coSimulation is not None else "model exchange only"
+        expected = "expected FMI 2.0 for co-simulation: export it so (flexfmu build without --fmi 3)"
+        raise SimulationError(f"{fmu} is FMI {found.fmiVersion}, {kind}; {expected}")
+    return found
 
 
 class _Run:

@@ -9,15 +9,7 @@ import h5py
 import meshio
 import numpy as np
 
-from ..build.choices import (
-    Interface,
-    NodeChoices,
-    Nodes,
-    checked_spec,
-    interface_table,
-    plain as plain_value,
-    support_table,
-)
+from ..build.choices import Interface, NodeChoices, Nodes, checked_spec, plain as plain_value
 from ..build.config import BodySpec
 from ..files.basics import BodyFileError, FloatArray, IntArray, OptionError, UnitSystem, own_version, plural
 from ..files.outputs import Reporter, ScriptReporter
@@ -28,15 +20,7 @@ from ..mesh.model import Material, Mesh
 from ..model.methods import Mass, Method, Variant, needs
 from ..model.reduced_body import GROUND, Masses, ReducedBody
 from ..model.summary import first_frequency
-from ..reduction.bodies import (
-    body_subdomains,
-    fit_interface,
-    frame_requests,
-    made_body,
-    motion_of_tree,
-    several,
-    whole_frame,
-)
+from ..reduction import bodies
 from ..reduction.model import Model
 from ..reduction.options import BodyOptions, node_set
 from ..reduction.rigid_fit import by_node
@@ -94,8 +78,7 @@ def pack(
     choices = NodeChoices(_nodes_alone(given), UnitSystem.SI)
     data: dict[str, Any] = {
         "name": name or given.name,
-        "support": [support_table(choices, nodes, f"support {k}") for k, nodes in enumerate(supports, start=1)],
-        "interface": [interface_table(choices, key, each) for key, each in interfaces.items()],
+        **choices.tables(supports, interfaces),
         "damping": {"ratio": plain_value(damping)},
         "input": {"acceleration": acceleration},
         "output": {"velocities": velocities, "surface": surface},
@@ -195,7 +178,7 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
     options = replace(spec.options, variant=variant, stored=frozenset())
     model = _model(given, mesh, options, shapes, rows)
     subdomains = _frames(given, options, model, rows, report)
-    interfaces = [fit_interface(one, mesh, subdomains) for one in options.interfaces]
+    interfaces = [bodies.fit_interface(one, mesh, subdomains) for one in options.interfaces]
     frames = frame_operators(mesh.points, shapes, subdomains)
     frequency = 2.0 * np.pi * given.frequency
     use = replace(
@@ -208,10 +191,10 @@ def reduce_given(given: GivenModes, spec: BodySpec, report: Reporter) -> Reduced
     if options.surface and mesh.blocks:
         held = np.flatnonzero(model.fixed.any(axis=1))
         surface = body_surface(mesh, shapes, subdomains, [interface.nodes for interface in interfaces], held)
-    body = made_body(
+    body = bodies.made_body(
         use,
-        **motion_of_tree(frequency, shapes, interfaces, subdomains, frames),
-        whole=whole_frame(model, shapes, options) if several(subdomains) and mesh.blocks else None,
+        **bodies.motion_of_tree(frequency, shapes, interfaces, subdomains, frames),
+        whole=bodies.whole_frame(model, shapes, options) if bodies.several(subdomains) and mesh.blocks else None,
         masses=_masses(given, subdomains, shapes, mesh, rows) if options.acceleration else None,
         surface=surface,
     )
@@ -282,7 +265,7 @@ def _frames(given: GivenModes, options: BodyOptions, model: Model, rows: IntArra
     free = Subdomain("floating", GROUND, none, whole, turn, whole, whole.centre(points), (), True)
     floating = [free] if model.rigid.shape[1] else []
     if model.mesh.blocks:
-        found, warnings = body_subdomains(options, model)
+        found, warnings = bodies.body_subdomains(options, model)
         report.tell(warnings=warnings)
         # The floating frame is that of the given mass, not of the elements' volume.
         return [*floating, *found[len(floating) :]]
@@ -290,7 +273,7 @@ def _frames(given: GivenModes, options: BodyOptions, model: Model, rows: IntArra
         fault = "the modes come without cells: the body cannot be divided by itself"
         raise BodyFileError(f"{fault}; give the cells, or node sets of the frames ([[frame]] tables), or frames = 1")
     if options.frames:
-        held, asked = np.flatnonzero(model.fixed.any(axis=1)), frame_requests(options, model.mesh)
+        held, asked = np.flatnonzero(model.fixed.any(axis=1)), bodies.frame_requests(options, model.mesh)
         return floating + on_floating_frame(requested_subdomains(model.mesh, held, asked), len(floating))
     if floating or options.levels == 0:
         return floating

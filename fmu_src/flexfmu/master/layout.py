@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import fmpy
 import numpy as np
 from fmpy.model_description import BaseUnit, ModelVariable
 
 from ..files.basics import BoolArray, FloatArray, IntArray, SimulationError, nearest
-from ..files.tables import Kind, check_input
+from ..fmu.simulation import description_of
 from .config import StartValue
 
 # What `generationTool` begins with in FMUs of this package.
@@ -126,17 +125,9 @@ def read_description(name: str, file: Path) -> Description:
         No readable FMU, or not one of FMI 2.0 for co-simulation.
     """
     try:
-        check_input(file, SimulationError, Kind.FMU)
+        model = description_of(file)
     except SimulationError as error:
         raise SimulationError(f"fmu {name!r}: {error}") from error
-    try:
-        model = fmpy.read_model_description(str(file))
-    except Exception as error:  # fmpy raises bare exceptions
-        raise SimulationError(f"fmu {name!r}: {file}: not a readable FMU ({error})") from error
-    if not str(model.fmiVersion).startswith("2.") or model.coSimulation is None:
-        kind = "co-simulation" if model.coSimulation is not None else "model exchange only"
-        found = f"fmu {name!r}: {file} is FMI {model.fmiVersion}, {kind}"
-        raise SimulationError(f"{found}; expected FMI 2.0 for co-simulation: export it so")
     variables = {variable.name: variable for variable in model.modelVariables}
     units = {unit.name: unit.baseUnit for unit in model.unitDefinitions}
     can = str(model.coSimulation.modelIdentifier), bool(model.coSimulation.canGetAndSetFMUstate)

@@ -1,6 +1,6 @@
 """Meshes that are in memory: of meshio and scikit-fem, or arrays."""
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Collection, Iterable, Mapping, Sequence, Set
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -98,26 +98,33 @@ class Member(NamedTuple):
     material: int
 
 
-def cells_of(
-    kinds: Mapping[str, Sequence[Member]], row: Mapping[int, int], materials: Mapping[int, int], missing: str
-) -> tuple[list[tuple[str, IntArray]], list[IntArray], list[IntArray]]:
-    """Cells, their numbers and materials for `Contents`, of elements by meshio's names.
+def contents_of(
+    nodes: tuple[IntArray, FloatArray],
+    kinds: Mapping[str, Sequence[Member]],
+    of_material: Mapping[int, int],
+    missing: str,
+    node_sets: Mapping[str, Iterable[int]],
+    cell_sets: Mapping[str, Collection[int]],
+    **more: Any,
+) -> Contents:
+    """Contents of nodes, elements and sets by their numbers.
 
     Parameters
     ----------
+    nodes : (n,) int, (n, 3) float
+        Numbers and places.
     kinds : mapping of str to sequence of Member
-    row : mapping of int to int
-        Rows of the points by the file's node numbers.
-    materials : mapping of int to int
+        By meshio's names.
+    of_material : mapping of int to int
         Rows of the materials by the file's numbers.
     missing : str
         How the message on a node that is not there begins.
-
-    Returns
-    -------
-    cells : list of (str, (k, n) int)
-    labels, material : list of (k,) int
+    node_sets, cell_sets : mapping of str to numbers
+        Numbers that are not there are left out.
+    **more
+        As of `Contents`.
     """
+    row = {label: place for place, label in enumerate(nodes[0].tolist())}
     cells, labels, material = [], [], []
     for name, members in kinds.items():
         try:
@@ -125,8 +132,11 @@ def cells_of(
         except KeyError as error:
             raise MeshError(f"{missing} {error}, which is not there; write the file again") from error
         labels.append(np.array([one.number for one in members], dtype=np.int64))
-        material.append(np.array([materials.get(one.material, NO_MATERIAL) for one in members], dtype=np.int64))
-    return cells, labels, material
+        material.append(np.array([of_material.get(one.material, NO_MATERIAL) for one in members], dtype=np.int64))
+    points = {name: [row[int(one)] for one in numbers if int(one) in row] for name, numbers in node_sets.items()}
+    sets = {name: [np.flatnonzero(np.isin(own, [*some])) for own in labels] for name, some in cell_sets.items()}
+    mesh = meshio.Mesh(nodes[1].reshape(-1, 3), cells, point_sets=points, cell_sets=sets)
+    return Contents(mesh, nodes[0], labels, material=material, **more)
 
 
 def from_meshio(found: Any, title: str, units: UnitSystem) -> Mesh:

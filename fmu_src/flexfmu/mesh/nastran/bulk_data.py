@@ -6,6 +6,8 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,9 +15,9 @@ from typing import Any
 import meshio
 import numpy as np
 
-from flexfmu.files.basics import IntArray, MeshError, UnitSystem, listed
+from flexfmu.files.basics import MeshError, UnitSystem, listed
 from flexfmu.mesh.elements import ASSUMED
-from flexfmu.mesh.in_memory import Contents, Member, cells_of
+from flexfmu.mesh.in_memory import Contents, Member, contents_of
 from flexfmu.mesh.model import NO_MATERIAL, Material
 from flexfmu.mesh.nastran import node_cards, shell_cards
 from flexfmu.mesh.nastran.line_cards import CARDS, SPRINGS, LineCard, is_line, lines, springs
@@ -34,6 +36,7 @@ _CORNERS = {shape.polytope.nastran: len(shape.polytope.corners) for shape in _SO
 _SOLIDS |= {("CPYRAM", 5): SimpleNamespace(name="pyramid", layered=range(5))}
 _SOLIDS |= {("CPYRAM", 13): SimpleNamespace(name="pyramid13", layered=range(13))}
 _CORNERS |= {"CPYRAM": 5}
+_OF_PROPERTY = attrgetter("material")
 _OF_SUPER = r"\s+(?:BULK\s+)?"
 # They hold or load nothing.
 _IDLE = ("PLOTEL", "PLOTEL3", "PLOTEL4", "CHBDYE", "CHBDYG", "CHBDYP")
@@ -165,9 +168,12 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     bulk = node_cards.Bulk(model, path, units, points, row, turning, turning | solid, notes)
     on_body, references = node_cards.spiders(bulk)
     node_sets |= on_body | node_cards.single_point_sets(model, notes)
-    equations, links = pinned + node_cards.multi_point_rows(bulk), node_cards.rigid_links(model, row)
-    soft, masses = springs(bulk), node_cards.point_masses(bulk)
+    found: dict[str, Any] = {"references": references, "equations": pinned + node_cards.multi_point_rows(bulk)}
+    found |= {"links": node_cards.rigid_links(model, row), "springs": springs(bulk)}
+    found |= {"masses": node_cards.point_masses(bulk), "hinges": node_cards.hinges(model)}
     shells, faces = shell_cards.faces_of_shells(model, path, notes)
+    place = dict(zip(labels.tolist(), points, strict=True))
+    found |= {"shells": shells, "faces": faces, "axes": shell_cards.directions(model, place, path)}
     bars = lines(model, path, units, node_cards.unit_of_mass(model))
     materials, of_property = _materials(model, bars, path, units)
     kinds: dict[tuple[str, int], list[Member]] = {}
@@ -182,29 +188,19 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     named = {(_SOLIDS | _FACES)[key].name: members for key, members in kinds.items()}
     named |= {"line": [Member(one.number, one.nodes, one.property) for one in bars]} if bars else {}
     notes += _bars_left_out(model)
-    cells, cell_labels, material = cells_of(named, row, of_property, f"{path}: an element names GRID")
-    properties = [np.array([one.material for one in members], dtype=np.int64) for members in named.values()]
-    sets: dict[str, list[IntArray]] = {}
-    for name, kept in (("PSOLID", _SOLIDS), ("Faces", _FACES)):
-        inside = [*(key in kept for key in kinds), *([False] if bars else [])]
-        for number in np.unique(np.concatenate([np.zeros(0, dtype=int), *properties])).tolist():
-            shell = next((one for one in OF_SHELLS if f"{one} {number}" in shells and kept is _FACES), name)
-            known = f"{shell} {number}"
-            sets[known] = [np.flatnonzero((pids == number) & use) for pids, use in zip(properties, inside, strict=True)]
-    for number in {one.property for one in bars if one.property > 0}:
-        sets[f"{model.properties[number].type} {number}"] = [np.flatnonzero(pids == number) for pids in properties]
-    for name, numbers in element_numbers.items():
-        sets[name] = [np.flatnonzero(np.isin(eids, numbers)) for eids in cell_labels]
-    rows_of = {name: sorted(row[one] for one in set(members) if one in row) for name, members in node_sets.items()}
-    mesh = meshio.Mesh(
-        points.reshape(-1, 3),
-        cells,
-        point_sets={name: np.array(rows, dtype=np.int64) for name, rows in rows_of.items() if rows},
-        cell_sets={name: parts for name, parts in sets.items() if any(part.size for part in parts)},
-    )
-    axes = shell_cards.directions(model, dict(zip(labels.tolist(), points, strict=True)), path)
-    more = tuple(notes), references, equations, masses, links, shells, {one.number: one.beam for one in bars}
-    return Contents(mesh, labels, cell_labels, materials, material, *more, node_cards.hinges(model), faces, axes, soft)
+    sets: dict[str, list[int]] = {}
+    for usual, kept in (("PSOLID", _SOLIDS), ("Faces", _FACES)):
+        inside = [one for key, members in kinds.items() if key in kept for one in members]
+        for number, members in groupby(sorted(inside, key=_OF_PROPERTY), key=_OF_PROPERTY):
+            shell = next((one for one in OF_SHELLS if f"{one} {number}" in shells and kept is _FACES), usual)
+            sets[f"{shell} {number}"] = [one.number for one in members]
+    for one in bars:
+        if one.property > 0:
+            sets.setdefault(f"{model.properties[one.property].type} {one.property}", []).append(one.number)
+    sets |= element_numbers
+    there = {name: members for name, members in node_sets.items() if not row.keys().isdisjoint(members)}
+    found |= {"materials": materials, "notes": tuple(notes), "beams": {one.number: one.beam for one in bars}}
+    return contents_of((labels, points), named, of_property, f"{path}: an element names GRID", there, sets, **found)
 
 
 def _nodes_of(model: Any, kinds: Sequence[str]) -> set[int]:

@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import meshio
 import numpy as np
 
 from flexfmu.files.basics import FloatArray, IntArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.beams import Beam, CrossSection, box, ellipse, i_section, l_section, pipe, rectangle
-from flexfmu.mesh.in_memory import Contents, Member, cells_of
+from flexfmu.mesh.in_memory import Contents, Member, contents_of
 from flexfmu.mesh.model import Material
 from flexfmu.mesh.other.exchange import imported, quiet
 
@@ -153,18 +152,13 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
         notes.append(f"{count} elements of type {kind} are left unused: they have no stiffness of their own{joins}")
     notes += _joined(text, path, kind_of_type)
     materials, of_number = _materials(text, path, units)
-    cells, cell_labels, material = cells_of(kinds, row, of_number, f"{path}: an element names node")
-    sets = {**archive.element_components, **{_NAME.format(k): members for k, members in shells.items()}}
-    mesh = meshio.Mesh(
-        places,
-        cells,
-        point_sets={name.strip(): _rows(numbers, row) for name, numbers in archive.node_components.items()},
-        cell_sets={
-            name.strip(): [np.flatnonzero(np.isin(numbers, members)) for numbers in cell_labels]
-            for name, members in sets.items()
-        },
+    points, cells = (
+        {name.strip(): found for name, found in some.items()}
+        for some in (archive.node_components, archive.element_components)
     )
-    return Contents(mesh, labels, cell_labels, materials, material, tuple(notes), shells=faces, beams=beams)
+    cells |= {_NAME.format(k): members for k, members in shells.items()}
+    given = (labels, places), kinds, of_number, f"{path}: an element names node", points, cells
+    return contents_of(*given, materials=materials, notes=tuple(notes), shells=faces, beams=beams)
 
 
 def _refuse_others(refused: dict[str, list[int]], path: Path) -> None:
@@ -204,10 +198,6 @@ def _solid(kind: int, nodes: list[int]) -> tuple[str, list[int]] | None:
     if all(nodes[a] == nodes[b] for a, b in _PYRAMID):
         return ("pyramid13", [nodes[k] for k in _QUADRATIC]) if quadratic else ("pyramid", nodes[:5])
     return ("hexahedron20", nodes[:20]) if quadratic else ("hexahedron", nodes[:8])
-
-
-def _rows(numbers: Iterable[int], row: dict[int, int]) -> IntArray:
-    return np.array(sorted(row[int(one)] for one in numbers if int(one) in row), dtype=np.int64)
 
 
 def _joined(text: list[str], path: Path, kind_of_type: dict[int, int]) -> list[str]:

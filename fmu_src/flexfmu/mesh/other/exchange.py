@@ -19,7 +19,7 @@ from scipy.io import netcdf_file
 
 from flexfmu.files.basics import FlexfmuError, IntArray, MeshError, listed
 from flexfmu.mesh.elements import ASSUMED
-from flexfmu.mesh.in_memory import Contents, Member, cells_of
+from flexfmu.mesh.in_memory import Contents, Member, contents_of
 from flexfmu.mesh.shapes import FACE_SHAPES
 
 
@@ -137,19 +137,10 @@ def read_universal(path: Path) -> Contents:
             parts = "; ".join(f"descriptor {kind}: elements {listed(them)}" for kind, them in refused.items())
             raise MeshError(f"{path} holds elements that are not known: {parts}; mesh these parts with tetrahedra, "
                             "wedges or bricks, and export again")  # fmt: skip
-        row = {label: place for place, label in enumerate(points)}
-        cells, labels, material = cells_of(kinds, row, {}, f"{path}: an element names node")
-        mesh = meshio.Mesh(
-            np.array(list(points.values())).reshape(-1, 3),
-            cells,
-            point_sets={name: np.array([row[n] for n in nodes if n in row]) for name, nodes, _ in groups if nodes},
-            cell_sets={
-                name: [np.flatnonzero(np.isin(own, members)) for own in labels]
-                for name, nodes, members in groups
-                if members and not nodes
-            },
-        )
-        return Contents(mesh, np.array(list(points), dtype=np.int64), labels, (), material)
+        given = np.array(list(points), dtype=np.int64), np.array(list(points.values()))
+        node_sets = {name: nodes for name, nodes, _ in groups if nodes}
+        cell_sets = {name: members for name, nodes, members in groups if members and not nodes}
+        return contents_of(given, kinds, {}, f"{path}: an element names node", node_sets, cell_sets)
 
 
 def _datasets(path: Path) -> Iterator[tuple[int, list[str]]]:
