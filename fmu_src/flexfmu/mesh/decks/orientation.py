@@ -114,7 +114,8 @@ def orientation(card: Card) -> Orientation:
         axis = integer(row[0], card.data[1], "the axis of the turn") if row[0] else 1
         if not 1 <= axis <= 3:
             raise card.data[1].error(f"the axis of the turn should be 1, 2 or 3, found {axis}")
-        turn = turned_by(np.radians(number(row[1], card.data[1], "the turn", 0.0)) * np.eye(3)[axis - 1])
+        angle = number(row[1], card.data[1], "the turn", 0.0)
+        turn = turned_by(np.radians(angle) * np.eye(3)[axis - 1])
     if card.scope.rotation is not None and card.scope.shift is not None:
         first, second = (card.scope.rotation @ point for point in (first, second))
         if cylindrical:
