@@ -354,10 +354,10 @@ def test_static_response_to_many_loads_is_that_to_each():
     k = sp.csr_array(stiffness(mesh)[free][:, free])
     factor = Factorisation(k, free // 3)
     # More than are solved at a time, and none.
-    loads = np.random.default_rng(0).standard_normal((free.size, 2 * factorisation._AT_A_TIME + 3))
+    loads = np.random.default_rng(0).standard_normal((free.size, 2 * factorisation.AT_A_TIME + 3))
     found = factor.solve(loads)
     np.testing.assert_allclose(k @ found, loads, atol=1e-9)
-    for column in (0, factorisation._AT_A_TIME, loads.shape[1] - 1):
+    for column in (0, factorisation.AT_A_TIME, loads.shape[1] - 1):
         np.testing.assert_allclose(factor.solve(loads[:, column]), found[:, column], rtol=1e-9, atol=1e-24)
     assert factor.solve(loads[:, :0]).shape == (free.size, 0)
 

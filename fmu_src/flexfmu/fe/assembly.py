@@ -8,7 +8,7 @@ Of shells (and beams) the unknowns are mean and difference of faces, u = Q v wit
 themselves, stretch of a thin shell's thickness leaves nothing but round-off for its bending. So v = QᵀT z.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,7 +20,7 @@ from ..mesh.elements import FaceBlock, jacobians
 from ..mesh.equations import Simplices, solved
 from ..mesh.model import Mesh, once
 from ..mesh.shapes import FACE_RULES, FACE_SHAPES
-from .layers import Cells, cells, turning
+from .layers import Cells, kept_cells, turning
 from .shells import shell_cells, shell_rule
 
 
@@ -214,7 +214,7 @@ def elastic_cells(mesh: Mesh, elements: int, strains: int = 0, means: bool = Fal
         if natural:
             yield from (some.in_means() if means else some for some in shell_cells(mesh, block, size))
         else:
-            yield from (some for _, some in cells(mesh, block, size))
+            yield from kept_cells(mesh, block, size)
     for one in mesh.simplices:
         count = one.nodes.shape[1]
         volume, value = np.full((len(one.nodes), 1), _NO_VOLUME), np.full((1, count), 1.0 / count)
@@ -289,6 +289,21 @@ def assembled(nodes: IntArray, matrices: FloatArray, size: int) -> sp.csr_array:
     """
     unknowns = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1).astype(np.int32)
     return scatter(unknowns, matrices, size)  # type: ignore[arg-type]
+
+
+def assembler(nodes: IntArray, size: int) -> Callable[[FloatArray], sp.csr_array]:
+    """What sums matrices of the same elements again and again, as `assembled` does."""
+    count, width = nodes.shape[1], size // 3
+    key, place = np.unique((nodes[:, :, None] * width + nodes[:, None]).ravel(), return_inverse=True)
+    spread = sp.csr_array((np.ones(place.size), (place, np.arange(place.size))))
+    ends = np.searchsorted(key, width * np.arange(width + 1)).astype(np.int32)
+
+    def summed_up(matrices: FloatArray) -> sp.csr_array:
+        blocks = matrices.reshape(-1, count, 3, count, 3).swapaxes(2, 3).reshape(-1, 9)
+        found = (spread @ blocks).reshape(-1, 3, 3), (key % width).astype(np.int32), ends
+        return sp.csr_array(sp.bsr_array(found, shape=(size, size)))
+
+    return summed_up
 
 
 def summed(parts: Iterable[sp.csr_array]) -> sp.csr_array:
@@ -376,9 +391,8 @@ def mass(mesh: Mesh) -> sp.csr_array:
         kg.
     """
     size = len(mesh.points)
-    scalar = sp.csr_array((size, size))
-    for block, matrices in zip(mesh.blocks, mesh.mass_matrices, strict=True):
-        scalar = scalar + scatter(block.connectivity, matrices, size)
+    pairs = zip(mesh.blocks, mesh.mass_matrices, strict=True)
+    scalar = summed(scatter(block.connectivity, matrices, size) for block, matrices in pairs)
     return in_short(sp.csr_array(sp.kron(scalar, sp.eye_array(3), format="csr")))
 
 

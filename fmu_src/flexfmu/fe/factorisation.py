@@ -16,6 +16,7 @@ import numpy as np
 import pymetis
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
+from scipy.linalg import lapack
 
 from ..files.basics import FloatArray, IntArray, ModelError
 
@@ -93,8 +94,8 @@ Solve = Callable[[FloatArray], FloatArray]
 # Unknowns from which on a factorisation is looked at before it is begun: fewer take seconds, and less than 2 GB.
 _LARGE = 80_000
 # Right-hand sides at a time: one alone reads all of the factor and takes as long as three of these; more gain nothing,
-# and every copy of them counts.
-_AT_A_TIME = 16
+# and every copy of them counts. The same by blocks, their columns, and right-hand sides from which on they are faster.
+_FEWER, AT_A_TIME, _WIDTH, _MANY = 16, 64, 48, 12
 # Residual of a solution for forces of one everywhere, relative to them, beyond which a matrix is singular, or that of a
 # body so thin that round-off leaves as much. Only the factorisation of symmetric ones tells which: it counts the pivots
 # that it has put in place of none.
@@ -204,6 +205,33 @@ def _check_fill(matrix: sp.csr_array, node: IntArray, order: IntArray, tell: Cal
         tell(f"{matrix.shape[0]} unknowns take SuperLU {needed / GIGA:.1f} GB and minutes; {faster.rstrip('; ')}")
 
 
+def _by_blocks(lower: sp.csc_array, pivots: FloatArray) -> Solve:
+    """Solve by factors L D Lᵀ, of columns L (n, n) and pivots D (n,); right-hand sides (n, k) become the solution.
+
+    Some columns of L at a time are a dense block: many right-hand sides take 0.4 of SuperLU's time.
+    """
+    parts = []
+    for first in range(0, pivots.size, _WIDTH):
+        own = lower[:, first : first + _WIDTH]
+        width, rows = own.shape[1], np.unique(own.indices)
+        block = own[rows].toarray()
+        inverse = lapack.dtrtri(block[:width], lower=1, unitdiag=1)[0]
+        # What L⁻¹ of these columns adds to each row.
+        block[width:] @= -inverse
+        block[:width] = inverse - np.eye(width)
+        parts.append((slice(first, first + width), rows, block))
+
+    def solve(right: FloatArray) -> FloatArray:
+        for own, rows, block in parts:
+            right[rows] += block @ right[own]
+        right /= pivots[:, None]
+        for own, rows, block in reversed(parts):
+            right[own] += block.T @ right[rows]
+        return right
+
+    return solve
+
+
 class Factorisation:
     """A factorised symmetric positive definite matrix.
 
@@ -236,6 +264,8 @@ class Factorisation:
         tell: Callable[[str], None] | None = None,
     ):
         pardiso = _pardiso()
+        # What makes `_solve` of many right-hand sides.
+        self._several: Callable[[], Solve] = lambda: self._solve
         try:
             if pardiso is not None:
                 self._order = np.arange(matrix.shape[0])
@@ -246,8 +276,12 @@ class Factorisation:
             if order is None:
                 _check_fill(matrix, node, self._order, tell)
             factor = spla.splu(permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            self._solve, pivots = factor.solve, factor.U.diagonal()
             # The elimination along the diagonal has no negative pivot then.
-            self._solve, self.positive_definite = factor.solve, bool(np.all(factor.U.diagonal() > 0.0))
+            self.positive_definite = bool(np.all(pivots > 0.0))
+            along = np.array_equal((factor.perm_r, factor.perm_c), 2 * [np.arange(pivots.size)])
+            if along and pivots.size < _LARGE:
+                self._several = cache(partial(_by_blocks, factor.L, pivots))
         except RuntimeError as error:
             found = f"the stiffness matrix is singular ({error}): a part of the body is free to move"
             raise ModelError(f"{found}; check supports and that all parts share nodes") from error
@@ -266,9 +300,11 @@ class Factorisation:
         result = np.empty_like(right, dtype=np.float64)
         columns = right.reshape(len(right), -1)
         found = result.reshape(columns.shape)
-        for first in range(0, columns.shape[1], _AT_A_TIME):
-            part = slice(first, first + _AT_A_TIME)
-            found[self._order, part] = self._solve(np.asarray(columns[self._order, part], dtype=np.float64))
+        solve = self._several() if columns.shape[1] >= _MANY else self._solve
+        count = _FEWER if solve == self._solve else AT_A_TIME
+        for first in range(0, columns.shape[1], count):
+            part = slice(first, first + count)
+            found[self._order, part] = solve(np.asarray(columns[self._order, part], dtype=np.float64))
         return result
 
 

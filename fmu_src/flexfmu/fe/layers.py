@@ -10,7 +10,7 @@ there is one layer.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -20,6 +20,8 @@ from ..mesh.elements import ElementBlock, ElementType, jacobians
 from ..mesh.model import Layer, Material, Mesh
 from ..mesh.shapes import Quadrature
 
+# What cells have of each element; numbers of the operators of a block up to which the mesh keeps them.
+_OF_EACH, _KEPT = ("nodes", "gradient", "volume", "elasticity"), 10_000_000
 # Places of the components xx, yy, zz, xy, yz, zx.
 VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 
@@ -47,6 +49,12 @@ class Cells:
     gradient: FloatArray
     volume: FloatArray
     elasticity: FloatArray
+
+    def part(self, chosen: slice) -> "Cells":
+        """Some of the elements, and what is known of them."""
+        found = replace(self, **{name: getattr(self, name)[chosen] for name in _OF_EACH})
+        vars(found).update({name: getattr(self, name)[chosen] for name in ("shape_slopes", "undeformed_operator")})
+        return found
 
     @property
     def own(self) -> slice:
@@ -133,7 +141,9 @@ class Cells:
         base, slope = slopes.reshape(*slopes.shape[:2], 1, -1), self.shape_slopes[..., None]
         i, j = self.rows.T
         b = slope[:, i] * base[:, j]
-        b += slope[:, j] * (np.where(i == j, 0.0, 1.0)[:, None, None] * base[:, i])
+        # From the first row of shear on.
+        last = slice(int(np.argmin(i == j)), None)
+        b[:, last] += slope[:, j[last]] * (np.where(i == j, 0.0, 1.0)[last, None, None] * base[:, i[last]])
         return b.reshape(*b.shape[:2], -1)
 
     @cached_property
@@ -231,6 +241,19 @@ def cells(mesh: Mesh, block: ElementBlock, size: int) -> Iterator[tuple[slice, C
             gradient = np.concatenate([gradient, _incompatible(corners, determinant, block.type)], axis=2)
         chosen = block.part(np.arange(places.start, places.stop))
         yield places, Cells(nodes, value, gradient, determinant * rule.weights, elasticity(mesh, chosen))
+
+
+def kept_cells(mesh: Mesh, block: ElementBlock, size: int) -> Iterator[Cells]:
+    """The same of a mesh's own block; of few elements the mesh keeps them: they are asked for many times."""
+    numbers = 18 * len(block.type.stiffness.weights) * block.connectivity.size
+    if numbers > _KEPT:
+        yield from (some for _, some in cells(mesh, block, size))
+        return
+    key = f"cells {id(block)}"
+    if key not in mesh.kept:
+        mesh.kept[key] = [some for _, some in cells(mesh, block, len(block.labels))]
+    for whole in mesh.kept[key]:
+        yield from (whole.part(slice(start, start + size)) for start in range(0, len(whole.nodes), size))
 
 
 def elasticity(mesh: Mesh, block: ElementBlock) -> FloatArray:

@@ -21,7 +21,7 @@ from ..files.basics import AccuracyError, FloatArray, IntArray, ModelError
 from ..files.outputs import Reporter
 from ..files.threads import in_one_thread
 from ..mesh.model import Mesh
-from .assembly import CHUNK, Unknowns, add_nodal, assembled, elastic_cells, summed
+from .assembly import CHUNK, Unknowns, add_nodal, assembler, elastic_cells, summed
 from .factorisation import Factorisation, dissection_order
 from .layers import Cells
 
@@ -67,7 +67,7 @@ class LoadPath:
     iterations: int
 
 
-Resisting = Callable[[FloatArray, float], tuple[FloatArray, sp.csr_array]]
+Resisting = Callable[[FloatArray, float, bool], tuple[FloatArray, sp.csr_array]]
 
 
 class _Body:
@@ -77,6 +77,7 @@ class _Body:
         self._spring = unknowns.in_means(sp.csr_array(sp.diags_array(spring.ravel())))
         self._bushings, self._means, self.factor = bushings, unknowns.means, 1.0
         self._parts = list(elastic_cells(mesh, CHUNK, means=True))
+        self._sums = [assembler(part.nodes, spring.size) for part in self._parts]
         # Amplitudes of the elements' own shape functions, as last found.
         self._own = [np.zeros((len(p.nodes), p.gradient.shape[2] - p.nodes.shape[1], 3)) for p in self._parts]
         # The last displacement, and the state of each part there: forces and their derivative are asked for in turns.
@@ -94,15 +95,15 @@ class _Body:
         result = (self._spring @ displacement).reshape(-1, 3)
         for part, slopes, work in self._states(displacement):
             add_nodal(result, part.nodes, part.nodal(work[..., None], slopes)[:, : part.nodes.shape[1], :, 0])
-        return result.ravel() + self._of_bushings(displacement)[0]
+        return result.ravel() + self._of_bushings(displacement, False)[0]
 
-    def _of_bushings(self, displacement: FloatArray) -> tuple[FloatArray, sp.csr_array]:
-        """Their forces (3n,) and the derivative of these (3n, 3n)."""
+    def _of_bushings(self, displacement: FloatArray, derived: bool) -> tuple[FloatArray, sp.csr_array]:
+        """Their forces (3n,) and, where it is asked for, the derivative of these (3n, 3n)."""
         if self._bushings is None:
             return np.zeros(displacement.size), sp.csr_array((displacement.size, displacement.size))
         if self._means is None:
-            return self._bushings(displacement, self.factor)
-        force, tangent = self._bushings(self._means @ displacement, self.factor)
+            return self._bushings(displacement, self.factor, derived)
+        force, tangent = self._bushings(self._means @ displacement, self.factor, derived)
         return self._means.T @ force, self._means.T @ tangent @ self._means
 
     def tangent(self, displacement: FloatArray, change: FloatArray) -> sp.csr_array:
@@ -110,11 +111,11 @@ class _Body:
 
         A change that turns material stretches it by the square of the turn: stress that the next one takes away.
         """
-        parts = [self._spring, self._of_bushings(displacement)[1]]
-        for part, slopes, work in self._states(displacement):
+        parts = [self._spring, self._of_bushings(displacement, True)[1]]
+        for (part, slopes, work), sums in zip(self._states(displacement), self._sums, strict=True):
             moved = part.shape_slopes[..., : part.nodes.shape[1]] @ change.reshape(-1, 3)[part.nodes]
             foreseen = work - part.work(_strains(part, moved, 0.5 * moved)[..., None])[..., 0]
-            parts.append(assembled(part.nodes, part.eliminated(_tangent(part, slopes, foreseen))[0], displacement.size))
+            parts.append(sums(part.eliminated(_tangent(part, slopes, foreseen))[0]))
         return summed(parts)
 
     def _state(self, number: int, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:

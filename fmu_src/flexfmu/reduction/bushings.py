@@ -135,7 +135,7 @@ class SpringReading:
         found = ((ahead - behind) / (2.0 * step)).transpose(1, 0, 2)
         return 0.5 * (found + found.swapaxes(1, 2))
 
-    def force(self, displacement: FloatArray, _factor: float) -> tuple[FloatArray, FloatArray]:
+    def force(self, displacement: FloatArray, _factor: float, _derived: bool = True) -> tuple[FloatArray, FloatArray]:
         """Forces (3k,) on its nodes against displacements (3n,), whatever the load, and their derivative (3k, 3k)."""
         z = self.rows @ displacement[self.columns]
         slope, pull = self.slope(z), self.spring.stiffness * self.values(z)
@@ -213,17 +213,17 @@ class Bushings:
         return np.concatenate(found) if found else np.zeros((0, shapes.shape[1], shapes.shape[1]))
 
 
-def resisted(several: Sequence[Any], displacement: FloatArray, factor: float) -> tuple[FloatArray, sp.csr_array]:
-    """Nodal forces (3n,) against displacements (3n,) of any size, and their derivative.
+def resisted(
+    several: Sequence[Any], displacement: FloatArray, factor: float, derived: bool = True
+) -> tuple[FloatArray, sp.csr_array]:
+    """Nodal forces (3n,) against displacements (3n,) of any size, and their derivative, where that is asked for.
 
     Of springs, and of whatever else has their `columns` and `force` at a part of the loads.
     """
-    force, rows, columns, values = np.zeros(displacement.size), [], [], []
+    force, entries = np.zeros(displacement.size), []
     for one in several:
-        own, tangent = one.force(displacement, factor)
+        own, tangent = one.force(displacement, factor, derived)
         np.add.at(force, one.columns, own)
-        rows.append(np.repeat(one.columns, one.columns.size))
-        columns.append(np.tile(one.columns, one.columns.size))
-        values.append(tangent.ravel())
-    place = (np.concatenate(rows), np.concatenate(columns))
-    return force, sp.csr_array(sp.coo_array((np.concatenate(values), place), shape=(force.size, force.size)))
+        entries.append((tangent.ravel(), np.repeat(one.columns, len(tangent)), np.tile(one.columns, len(tangent))))
+    values, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
+    return force, sp.csr_array(sp.coo_array((values, (rows, columns)), shape=(force.size, force.size)))

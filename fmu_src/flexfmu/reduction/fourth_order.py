@@ -11,6 +11,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
+from ..fe.factorisation import AT_A_TIME
 from ..fe.gradients import mean_spin, quadratic_strain, stressed_gradients, turned_stress
 from ..files.basics import FloatArray, IntArray
 from ..files.outputs import tell_nobody
@@ -100,8 +101,6 @@ def without_resultants(points: FloatArray, forces: FloatArray, sliced: list[IntA
 STIFF = 1e-2
 # Energy below this share of the largest: a load on a support.
 _NONE = 1e-12
-# Right-hand sides at a time.
-_COLUMNS = 16
 
 
 @dataclass(frozen=True)
@@ -194,27 +193,14 @@ class FourthOrder:
         model, count = self.matrices.supported, forces.shape[1]
         result = np.empty((count, count))
         with self.matrices.report.counted(title, count, "solutions") as tell:
-            for first in range(0, count, _COLUMNS):
-                part = slice(first, first + _COLUMNS)
+            for first in range(0, count, AT_A_TIME):
+                part = slice(first, first + AT_A_TIME)
                 moved = model.static(forces[:, part])
                 result[first:, part] = forces[:, first:].T @ moved
                 forces[:, part] = moved
-                tell(min(first + _COLUMNS, count))
+                tell(min(first + AT_A_TIME, count))
         # What is above the diagonal was not asked for.
         return np.tril(result) + np.tril(result, -1).T
-
-    def turns(self, answers: FloatArray, known: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rotation (p,) of the material, rms over its volume, in displacements of free degrees of freedom (k, p).
-
-        The second (p,): the same less displacements (3n, p) that are known of them.
-        """
-        result = np.empty((2, answers.shape[1]))
-        for first in range(0, answers.shape[1], _COLUMNS):
-            part = slice(first, first + _COLUMNS)
-            fields = self.matrices.supported.whole(answers[:, part])
-            for row, turned in enumerate((fields, fields - known[:, part])):
-                result[row, part] = np.sqrt(np.diag(mean_spin(self.matrices.model.mesh, turned)))
-        return result[0], result[1]
 
     def responses(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Static responses to nodal forces (3n, l) and accelerations along the axes that are no mere stretch.

@@ -291,7 +291,11 @@ class Stretching:
         found = against @ amplitudes
         large = (found * (self._spin @ found)).sum(axis=0) > np.where(tense & finer, TURNING, _LARGE) ** 2
         found, unit = found[:, large], self._shapes / self._omega
-        turned, missed = FourthOrder(self.matrices).turns(answers @ amplitudes[:, large], unit @ found)
+        if not large.any():
+            return found
+        fields, mesh = self.matrices.supported.whole(answers @ amplitudes[:, large]), self.matrices.model.mesh
+        # How far the material turns (rms), and how far where the basis does not know of it.
+        turned, missed = (np.sqrt(mean_spin(mesh, one).diagonal()) for one in (fields, fields - unit @ found))
         known = missed < _MISSED * turned
         found = found[:, known & np.any(known & ((turned > _CLEAR) | (tense & finer)[large]))]
         shapes, sizes, _ = np.linalg.svd(found, full_matrices=False)

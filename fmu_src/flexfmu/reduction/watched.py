@@ -56,13 +56,13 @@ def watched_material(
     groups = own or [(0, np.arange(mesh.element_count))]
     turned = frame_rotation if own else np.zeros((1, 3, len(omega)))
     found = [_most_turned(mesh, phi, elements, turned[s], motions) for s, elements in groups]
-    largest = np.max([most.max(axis=0) for _, _, most in found], axis=0)
+    largest = np.max([most.max(axis=0) for _, most, _ in found], axis=0)
     # Some motions turn nothing.
     largest[largest == 0.0] = 1.0
     count = max(_ELEMENTS, _FEWEST // len(groups))
-    chosen = [rotation[_greedy(most / largest, count)] for _, rotation, most in found]
+    chosen = [rotation[_greedy(most / largest, count)] for rotation, most, _ in found]
     frame = [np.full(len(rotation), s if own else -1) for (s, _), rotation in zip(groups, chosen, strict=True)]
-    strain = [_patterns(square, motions) for _, elements in groups for square in _square_strains(mesh, phi, elements)]
+    strain = [_patterns(square, motions) for _, _, squares in found for square in squares]
     return np.concatenate(frame), np.concatenate(chosen), np.array(strain)
 
 
@@ -84,28 +84,35 @@ def _motions(omega: FloatArray, forces: FloatArray) -> FloatArray:
 def _gradients(mesh: Mesh, phi: FloatArray, elements: IntArray) -> Iterator[tuple[FloatArray, FloatArray, IntArray]]:
     """Displacement gradients (e, q, 3, 3, m) of elements, volumes (e, q), and materials (e,), some at a time."""
     for block, inside in mesh.by_block(elements):
-        for first in range(0, inside.size, _CHUNK):
-            part = block.part(inside[first : first + _CHUNK])
-            for _, some in cells(mesh, part, _CHUNK):
-                slope = some.gradient[:, :, : some.nodes.shape[1]]
-                gradient = np.einsum("eaik,eqaJ->eqiJk", phi[some.nodes], slope, optimize=True)
-                yield gradient, some.volume, part.material
+        part = block.part(inside)
+        for places, some in cells(mesh, part, _CHUNK):
+            slope = some.gradient[:, :, : some.nodes.shape[1]]
+            gradient = np.einsum("eaik,eqaJ->eqiJk", phi[some.nodes], slope, optimize=True)
+            yield gradient, some.volume, part.material[places]
 
 
 def _most_turned(
     mesh: Mesh, phi: FloatArray, elements: IntArray, frame: FloatArray, motions: FloatArray
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """The elements (c,) that turn most in any motion, their rotation (c, 3, m) less the frame's, angles (c, k)."""
-    rotations, angles = [], []
-    for gradients, volume, _ in _gradients(mesh, phi, elements):
+) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+    """Of elements that turn most in any motion the rotation (c, 3, m) less the frame's, and angles (c, k).
+
+    And of each material in all of them the mean of |ε|² (m, m).
+    """
+    rotations, angles, sums = [], [], dict[int, tuple[FloatArray, float]]()
+    for gradients, volume, material in _gradients(mesh, phi, elements):
         gradient = np.einsum("eq,eqiJk->eiJk", volume / volume.sum(axis=1)[:, None], gradients)
         rotation = 0.5 * np.stack([gradient[:, k, j] - gradient[:, j, k] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
         angle = np.sqrt(np.einsum("eik,eik->ek", *[(rotation - frame) @ motions] * 2))
         rotations.append(rotation)
         angles.append(angle)
+        strain = 0.5 * np.sqrt(volume)[:, :, None, None, None] * (gradients + gradients.swapaxes(2, 3))
+        for kind in np.unique(material):
+            rows = strain[material == kind].reshape(-1, strain.shape[-1])
+            total, size = sums.get(kind, (0.0, 0.0))
+            sums[kind] = total + rows.T @ rows, size + float(volume[material == kind].sum())
     rotation, angle = np.concatenate(rotations), np.concatenate(angles)
     kept = np.unique(angle.argmax(axis=0))
-    return kept, rotation[kept], angle[kept]
+    return rotation[kept], angle[kept], [total / size for total, size in sums.values()]
 
 
 def _greedy(share: FloatArray, count: int) -> IntArray:
@@ -113,22 +120,9 @@ def _greedy(share: FloatArray, count: int) -> IntArray:
     goal, chosen = share.max(axis=0), np.zeros(share.shape[1])
     picked: list[int] = []
     for _ in range(min(count, len(share))):
-        picked.append(int(((goal - np.maximum(chosen, share)) ** 4).sum(axis=1).argmin()))
+        picked.append(int((((goal - np.maximum(chosen, share)) ** 2) ** 2).sum(axis=1).argmin()))
         chosen = np.maximum(chosen, share[picked[-1]])
     return np.unique(picked)
-
-
-def _square_strains(mesh: Mesh, phi: FloatArray, elements: IntArray) -> list[FloatArray]:
-    """Mean of |ε|² (m, m) of each material in some elements."""
-    sums: dict[int, tuple[FloatArray, float]] = {}
-    for gradient, volume, material in _gradients(mesh, phi, elements):
-        strain = 0.5 * np.sqrt(volume)[:, :, None, None, None] * (gradient + gradient.swapaxes(2, 3))
-        for kind in np.unique(material):
-            own = material == kind
-            rows = strain[own].reshape(-1, strain.shape[-1])
-            total, size = sums.get(kind, (np.zeros((rows.shape[1],) * 2), 0.0))
-            sums[kind] = total + rows.T @ rows, size + float(volume[own].sum())
-    return [total / size for total, size in sums.values()]
 
 
 def _patterns(square: FloatArray, motions: FloatArray) -> FloatArray:

@@ -309,7 +309,8 @@ class _Trial:
         models = {one.key: one for one in self._grid.models}
         left = [row for row in self._kept.rows if row.key in shown and math.isnan(row.static_estimate)]
         alike: dict[Reduction, list[Record]] = {}
-        for row in left:
+        # Those of one basis come together: what is found last is at hand.
+        for row in sorted(left, key=lambda row: (row.basis, row.modes)):
             if row.key in models:
                 alike.setdefault(self._workshop.most(models[row.key].reduction), []).append(row)
         if not alike:

@@ -175,11 +175,11 @@ class TurningLoad:
         motion[:, 3:] = -np.einsum("cjja->ca", skew(seen))
         return np.einsum("c,ij->cji", np.linalg.solve(motion.T, (self._load @ turn).ravel()), turn).ravel()
 
-    def force(self, displacement: FloatArray, factor: float) -> tuple[FloatArray, FloatArray]:
-        """Nodal forces (3k,) against displacements (3n,) by a part of the load, and their derivative."""
+    def force(self, displacement: FloatArray, factor: float, derived: bool = True) -> tuple[FloatArray, FloatArray]:
+        """Nodal forces (3k,) against displacements (3n,) by a part of the load, and their derivative, if asked for."""
         sums, slopes = self._still + (self._rows @ displacement[self.columns]).reshape(6, 3, 3), np.zeros((54, 54))
         step = _SMALL * np.abs(sums).max()
-        for number, change in enumerate(step * np.eye(54).reshape(-1, 6, 3, 3)):
+        for number, change in enumerate(step * np.eye(54 * derived, 54).reshape(-1, 6, 3, 3)):
             slopes[:, number] = (self._spread(sums + change) - self._spread(sums - change)) / (2.0 * step)
         return -factor * self._rows.T @ self._spread(sums), -factor * self._rows.T @ slopes @ self._rows
 
