@@ -27,7 +27,7 @@ from flexfmu.files.outputs import Reporter
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import IntArray
 from flexfmu.reduction.surface import face_normals
-from flexfmu.view.picture import Camera, corner_edges, draw_outline, draw_surface
+from flexfmu.view.picture import camera_along, corner_edges, draw_outline, draw_surface
 
 HERE = Path(__file__).parent
 FloatArray = NDArray[np.float64]
@@ -119,7 +119,7 @@ def models(scene: Scene) -> tuple[FlexibleBody, FlexibleBody]:
 def draw(scene: Scene, panel: Any) -> tuple[float, float]:
     """Draw a scene with its errors of the loaded interfaces' displacement, linear and flexfmu, in %."""
     loads = {name: list(force) for name, force in scene.forces.items()}
-    camera, expected = Camera.along(scene.right, scene.up), scene.expected()
+    camera, expected = camera_along(scene.right, scene.up), scene.expected()
     errors = []
     bent, linear = models(scene)
     rest = surface_of(linear.model)
@@ -138,7 +138,7 @@ def draw(scene: Scene, panel: Any) -> tuple[float, float]:
     table = np.genfromtxt(outline_file(f"{scene.folder}/{scene.table}"), delimiter=",", skip_header=1)
     row = cKDTree(table[:, :3]).query(rest.points)[1]
     solved = table[:, :3][row] + table[:, 3:][row]
-    draw_outline(panel, solved, own, camera, CALCULIX, width=0.8, order=4.0)
+    draw_outline(panel, solved, own, camera, CALCULIX, linewidths=0.8, zorder=4.0)
     panel.set_aspect("equal", adjustable="datalim")
     panel.set_axis_off()
     panel.margins(0.04)
@@ -147,9 +147,9 @@ def draw(scene: Scene, panel: Any) -> tuple[float, float]:
     return errors[0], errors[1]
 
 
-def _in_front(points: FloatArray, faces: IntArray, edges: IntArray, camera: Camera) -> IntArray:
+def _in_front(points: FloatArray, faces: IntArray, edges: IntArray, camera: FloatArray) -> IntArray:
     """Edges (e, 2) of those faces that look at the eye."""
-    near = faces[face_normals(points, faces) @ camera.axes[2] > 0.0]
+    near = faces[face_normals(points, faces) @ camera[2] > 0.0]
     sides = np.sort(np.stack([near, np.roll(near, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     return edges[(edges[:, None] == sides).all(axis=2).any(axis=1)]
 

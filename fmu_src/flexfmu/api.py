@@ -11,7 +11,7 @@ from .build.choices import Interface, NodeChoices, Nodes, Support, checked_spec,
 from .build.config import read_body_file
 from .build.reduce import body_model, read_body_mesh, reduce_mesh
 from .files.basics import BodyFileError, UnitSystem, unit_system
-from .files.outputs import Reporter, ScriptReporter, picture_html, rows_html
+from .files.outputs import SCRIPT, Reporter, picture_html, rows_html
 from .files.store import Store, default_folder
 from .fmu.built_body import BuiltBody
 from .mesh.formats import file_origin
@@ -106,7 +106,7 @@ class Body:
         self._origin = {"mesh_file": "in memory", "mesh_sha256": _digest(self.mesh)}
 
     @classmethod
-    def read(cls, path: str | Path, report: Reporter | None = None) -> "Body":
+    def read(cls, path: str | Path, report: Reporter = SCRIPT) -> "Body":
         """Body of a body file (TOML) and the mesh that it names.
 
         Parameters
@@ -125,7 +125,7 @@ class Body:
         """
         body = cls.__new__(cls)
         body.spec = config = read_body_file(Path(path))
-        body.mesh = read_body_mesh(config, report or ScriptReporter())
+        body.mesh = read_body_mesh(config, report)
         body._origin = file_origin(config.mesh.file)
         return body
 
@@ -141,10 +141,10 @@ class Body:
         rows += [(f"interface {table.name}", str(table.nodes)) for table in self.spec.interface]
         return f"<p>{escape(self.spec.name)}</p>{rows_html(rows)}{picture_html(self.plot(), 'png')}"
 
-    def view(self, report: Reporter | None = None) -> Shown:
+    def view(self, report: Reporter = SCRIPT) -> Shown:
         """Show supports, interfaces, frames and cuts on the mesh, before the build: a page in notebooks."""
         read = body_model(self.mesh, self.spec)
-        return Shown(model_view(read.options, read.model, report or ScriptReporter()))
+        return Shown(model_view(read.options, read.model, report))
 
     def plot(self) -> Any:
         """A matplotlib figure of `view()`."""
@@ -165,7 +165,7 @@ class Body:
         surface: bool | None = None,
         stress: bool | None = None,
         tolerance: float | None = None,
-        report: Reporter | None = None,
+        report: Reporter = SCRIPT,
         store: Store | None = None,
     ) -> BuiltBody:
         """Reduce the body. Whatever is not given is as the body file says, or as its default.
@@ -209,7 +209,7 @@ class Body:
             given = {key: plain(value) for key, value in values.items() if value is not None}
             data[table] = {**data.get(table, {}), **given}
         store = store or Store(default_folder())
-        return BuiltBody(reduce_mesh(self.mesh, checked_spec(data), self._origin, report or ScriptReporter(), store))
+        return BuiltBody(reduce_mesh(self.mesh, checked_spec(data), self._origin, report, store))
 
 
 def _choose_frames(

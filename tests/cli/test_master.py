@@ -419,9 +419,9 @@ def test_the_axes_of_the_stiffness_turn_with_b_and_those_of_the_ground_stay():
     motion = np.zeros((2, 6))
     motion[:, 3:] = quarter
     motion[0, :3] = [0.0, 0.01, 0.0]
-    between = Springs(np.array([0]), np.array([1]), stiffness, 0.0 * stiffness)
+    between = Springs(np.array([0]), np.array([1]), stiffness, 0.0 * stiffness, np.eye(3)[None])
     np.testing.assert_allclose(loads(between, motion, 0.0 * motion)[0, :3], [0.0, -10.0, 0.0], atol=1e-12)
-    grounded = Springs(np.array([0]), np.array([2]), stiffness, 0.0 * stiffness)
+    grounded = Springs(np.array([0]), np.array([2]), stiffness, 0.0 * stiffness, np.eye(3)[None])
     np.testing.assert_allclose(loads(grounded, motion, 0.0 * motion), 0.0, atol=1e-12)
 
 
@@ -484,7 +484,8 @@ def test_what_dampers_take_over_a_step_is_the_work_against_them(random, turning)
         motion[:, 3:] = np.outer(random.uniform(-0.5, 0.5, 3), [0.0, 0.6, 0.8])
     else:
         motion[:, :3] = random.uniform(-0.1, 0.1, (3, 3))
-    dampers = Springs(index, index + 1, np.zeros((3, 6)), np.tile([[3.0], [5.0], [7.0]], (1, 6)))
+    rates, axes = np.tile([[3.0], [5.0], [7.0]], (1, 6)), np.tile(np.eye(3), (3, 1, 1))
+    dampers = Springs(index, index + 1, np.zeros((3, 6)), rates, axes)
     work = -np.sum(loads(dampers, 0.5 * motion, motion / step) * motion)
     assert work > 0.0
     assert losses(dampers, motion, np.zeros((3, 6)), step) == pytest.approx(work, rel=1e-10)

@@ -179,9 +179,7 @@ MISTAKES = {
         "frames = 3", "frames = 900", "frames = 900", "layers of elements for 4 only", code=0
     ),
     # Values that mean something else.
-    "damping of 2 percent as 2": body(
-        RATIO, "ratio = 2", "damping.ratio: a damping ratio is 2", "at most 1", "2 % is 0.02"
-    ),
+    "damping of 2 percent as 2": body(RATIO, "ratio = 2", "damping.ratio: is 2", "a share from 0 to 1", "2 % is 0.02"),
     "damping of 1 percent as 1": body(RATIO, "ratio = 1", "damping.ratio = 1 of the first mode", "1 % is 0.01", code=0),
     "percent sign": body(RATIO, 'ratio = "1%"', "damping.ratio: found '1%'", "number", "such as ratio = 0.01"),
     "density in t/mm³": body(

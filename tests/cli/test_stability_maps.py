@@ -50,7 +50,8 @@ def mapped(tmp_path_factory):
     """A scene with the map of the clamped beam, a few runs, and what was told of it."""
     folder = tmp_path_factory.mktemp("map")
     scene = scene_of(folder, SCENE)
-    told = map_stability(scene, folder / "runs.csv", folder / "map.png", Reporter(), Store())
+    told = map_stability(scene, folder / "runs.csv", Reporter(), Store())
+    draw_map(folder / "runs.csv", folder / "map.png")
     return folder, scene, told
 
 
@@ -74,7 +75,7 @@ def test_runs_that_are_planned_are_those_that_are_made_and_they_are_not_made_aga
     assert len(wanted) == 30
     assert wanted == [run.key for run in RUNS.read(folder / "runs.csv")]
     report = Listening()
-    map_stability(scene, folder / "runs.csv", None, report, Store())
+    map_stability(scene, folder / "runs.csv", report, Store())
     assert [(title, left) for title, left, *_ in report.counts] == [("Map of stability", 0)]
 
 
@@ -84,7 +85,7 @@ def test_what_an_interrupted_run_left_is_continued_by_other_processes_too(mapped
     lines = text.splitlines(keepends=True)
     (folder / "broken.csv").write_text("".join(lines[:-1]) + lines[-1][:20], encoding="utf-8")
     with Crew(2) as crew:
-        map_stability(scene, folder / "broken.csv", None, Reporter(), Store(), crew)
+        map_stability(scene, folder / "broken.csv", Reporter(), Store(), crew)
     one, two = ([replace(run, seconds=0.0) for run in RUNS.read(folder / name)] for name in ("runs.csv", "broken.csv"))
     assert repr(one) == repr(two)
     assert (folder / "broken.csv").read_text(encoding="utf-8").splitlines()[:-1] == text.splitlines()[:-1]
@@ -94,7 +95,7 @@ def test_records_of_another_scene_or_of_other_code_are_refused(mapped, monkeypat
     folder, scene, _ = mapped
     other = replace(scene, digest="other")
     with pytest.raises(SceneError, match="records of another scene"):
-        map_stability(other, folder / "runs.csv", None, Reporter(), Store())
+        map_stability(other, folder / "runs.csv", Reporter(), Store())
     owner = RUNS.read(folder / "runs.csv")[0].scene
     monkeypatch.setattr("flexfmu.study.records.code_digest", lambda: "another")
     with pytest.raises(SceneError, match=r"made by other code.*now another"):
@@ -181,7 +182,7 @@ def test_what_is_wrong_and_not_told_is_wrong_in_silence(error, warned, refused, 
 def test_a_scene_without_loads_that_hold_still_is_refused_with_what_to_do(tmp_path):
     text = '[[transient]]\nname = "a"\nstep = 1e-3\nduration = 0.1\nloads = { "tip.force.y" = 1.0 }\n'
     with pytest.raises(SceneError, match=r"\[\[static\]\] cases.*add one"):
-        map_stability(scene_of(tmp_path, text), tmp_path / "runs.csv", None, Reporter(), Store())
+        map_stability(scene_of(tmp_path, text), tmp_path / "runs.csv", Reporter(), Store())
 
 
 def test_the_command_draws_records_and_refuses_files_that_hold_none(mapped, tmp_path):

@@ -181,7 +181,7 @@ def test_frequencies_are_those_of_a_rigid_body_on_six_springs():
 REFUSED = {
     "axes alone": ({"stiffness": STIFFNESS, "axes": np.eye(3)[:2]}, BodyFileError, "take rotational_stiffness"),
     "parallel": ({"rotational_stiffness": TURNING, "axes": np.ones((2, 3))}, BodyFileError, "not parallel"),
-    "negative": ({"rotational_stiffness": -TURNING}, BodyFileError, "three numbers"),
+    "negative": ({"rotational_stiffness": -TURNING}, BodyFileError, "greater than or equal to 0"),
     "free": (
         {"stiffness": STIFFNESS, "rotational_stiffness": (0.0, 1.0, 1.0)},
         ModelError,

@@ -657,7 +657,7 @@ def vectors(found, quantity):
 def test_coupled_beams_move_as_by_one_solve_for_both(run, beams):
     found = run(beam_pair(tolerance=1e-8))
     assert found.error is None
-    joint = Springs(np.array([0]), np.array([1]), np.array([BUSHING]), np.zeros((1, 6)))
+    joint = Springs(np.array([0]), np.array([1]), np.array([BUSHING]), np.zeros((1, 6)), np.eye(3)[None])
     still, scale = np.zeros((2, 6)), 1e3
     push = np.array([0.0, *list(PUSH.values())[:2], PUSH["tip.moment.x"], 0.0, 0.0])
     states, wrench = [beam.rest() for beam in beams], np.zeros((2, 6))

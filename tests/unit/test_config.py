@@ -199,11 +199,11 @@ WRONG = {
     ),
     "negative damping": (
         {"rest": "[damping]\nratio = -0.01"},
-        ["damping.ratio: a damping ratio is negative, -0.01, expected ≥ 0"],
+        ["damping.ratio: is -0.01, expected a share from 0 to 1"],
     ),
     "one negative damping ratio of several": (
         {"rest": "[reduction]\nmodes = 2\n[damping]\nratio = [0.1, -0.1]"},
-        ["damping.ratio: a damping ratio is negative"],
+        ["damping.ratio[2]: is -0.1, expected a share from 0 to 1"],
     ),
     "damping for another number of modes": (
         {"rest": "[reduction]\nmodes = 4\n[damping]\nratio = [0.1, 0.1]"},

@@ -35,7 +35,7 @@ from flexfmu.files.figures import BLUE, GREEN, ORANGE, PINK, SKY, VERMILION, sav
 from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.package import package_fmu
 from flexfmu.model.methods import Method
-from flexfmu.view.picture import Camera, corner_edges, draw_outline, draw_surface
+from flexfmu.view.picture import camera_along, corner_edges, draw_outline, draw_surface
 
 HERE = Path(__file__).parent
 # Direction of the force that the files call only force_N, and words.
@@ -197,7 +197,7 @@ def draw_arms(path: Path, folder: Path) -> None:
     body = FlexibleBody(reduce_body(drawn, Reporter()))
     reference = read_reference(HERE / "calculix" / "coarse_left.csv", "z")
     state, surface = body.static(reference.loads()[-1]), surface_of(body.model)
-    camera = Camera.along((0.5, 1.0, 0.0), (-0.75, 0.3, 1.0))
+    camera = camera_along((0.5, 1.0, 0.0), (-0.75, 0.3, 1.0))
     x, y, _ = surface.points.T
     in_tray = (
         (x >= make_mesh.SEAT_X[0] - 0.01) & (x <= make_mesh.SEAT_X[1] + 0.01) & (abs(y) >= make_mesh.SEAT_Y - 0.01)
@@ -213,17 +213,17 @@ def draw_arms(path: Path, folder: Path) -> None:
         draw_surface(panel, points, surface.faces, camera, tint, edges=False)
         if k:
             edges = corner_edges(surface.points, surface.faces)
-            draw_outline(panel, surface.points, edges, camera, "#5b6875", 0.5)
+            draw_outline(panel, surface.points, edges, camera, "#5b6875", linewidths=0.5)
         for wheel, (side, (sign, _)) in enumerate(SIDES.items()):
             corners = tetrahedron(sign)
             if k:
-                _draw_tetrahedron(panel, corners @ camera.axes.T, "0.55")
+                _draw_tetrahedron(panel, corners @ camera.T, "0.55")
                 response = body.response(state)
                 corners = _followed(corners, surface.points, moved)
                 angles.append(turned(tetrahedron(sign), corners))
                 told = arm_angle(response.rotation[None, wheel])[0]
                 print(f"arm {side}: its four points turn by {angles[-1]:.2f}°; the flange about y by {told:.2f}°")
-            _draw_tetrahedron(panel, corners @ camera.axes.T, "black")
+            _draw_tetrahedron(panel, corners @ camera.T, "black")
         panel.set_aspect("equal", adjustable="datalim")
         panel.set_axis_off()
         panel.autoscale_view()

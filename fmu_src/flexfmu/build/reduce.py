@@ -12,7 +12,7 @@ import numpy as np
 
 from ..body.reference_loads import apart, differs_more, keeps_its_mass, lumps_are_fine
 from ..files.basics import FlexfmuError, FloatArray, UnitSystem, own_version, plural
-from ..files.outputs import Reporter, Tentative, check_target, whole_file
+from ..files.outputs import SILENT, Reporter, Tentative, check_target, whole_file
 from ..files.store import Store
 from ..files.threads import in_one_thread
 from ..fmu.package import cores_for, package_fmu
@@ -398,7 +398,7 @@ def build_fmu(
     body_file: Path | BodyFile,
     output: Path,
     modal_file: Path | None = None,
-    report: Reporter | None = None,
+    report: Reporter = SILENT,
     store: Store | None = None,
     runtime: Runtime = Runtime.NATIVE,
     platforms: Sequence[str] = (),
@@ -434,10 +434,8 @@ def build_fmu(
     FlexfmuError
         With what was found, what was expected and what to do.
     """
-    report = report or Reporter()
     check_target(output, (".fmu",))
-    if modal_file is not None:
-        check_target(modal_file, (".h5",))
+    check_target(modal_file, (".h5",))
     # What cannot be compiled is told before anything long begins.
     cores_for(runtime, platforms, report, fmi)
     body = reduce_body(read_body_file(body_file) if isinstance(body_file, Path) else body_file, report, store)

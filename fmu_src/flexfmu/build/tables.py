@@ -1,19 +1,19 @@
 """Tables of the body file (TOML), each with its keys, checked. The page of keys is made from what stands here."""
 
 from itertools import pairwise
-from math import inf
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from ..files.basics import MOST_MODES, OptionError, UnitSystem
-from ..files.toml_files import Axes, Name, Positive, Table, Vector, ascending
+from ..files.toml_files import Axes, Name, NotNegative, Positive, Share, Table, Vector, ascending
 from ..model.methods import DEFAULT, Mass, Method, Variant
 from ..reduction.options import Basis
 
 OF_MESH = "length in the mesh's units"
 """Marks keys that are in m as plain data."""
+Firm = Annotated[list[NotNegative], Field(min_length=3, max_length=3)]
 ModeNumber = Annotated[int, Field(ge=1, le=MOST_MODES)]
 _ASCENDING_MODES = ascending("numbers of modes, such as [1, 3, 5]")
 
@@ -171,18 +171,11 @@ class SupportTable(Table):
 
     nodes: Nodes = Field(examples=["CLAMP"])
     fix: list[Literal["x", "y", "z"]] = Field(default=[], examples=[["x", "y", "z"]])
-    stiffness: Vector | None = Field(default=None, examples=[[1e6, 1e6, 1e6]])
-    rotational_stiffness: Vector | None = Field(default=None, examples=[[100.0, 100.0, 0.0]])
-    damping: Vector | None = Field(default=None, examples=[[1e3, 1e3, 1e3]])
-    rotational_damping: Vector | None = Field(default=None, examples=[[0.1, 0.1, 0.1]])
+    stiffness: Firm | None = Field(default=None, examples=[[1e6, 1e6, 1e6]])
+    rotational_stiffness: Firm | None = Field(default=None, examples=[[100.0, 100.0, 0.0]])
+    damping: Firm | None = Field(default=None, examples=[[1e3, 1e3, 1e3]])
+    rotational_damping: Firm | None = Field(default=None, examples=[[0.1, 0.1, 0.1]])
     axes: Axes | None = Field(default=None, examples=[[[0, 1, 0], [0, 0, 1]]])
-
-    @field_validator("stiffness", "rotational_stiffness", "damping", "rotational_damping")
-    @classmethod
-    def _not_negative(cls, value: list[float] | None) -> list[float] | None:
-        if value is not None and not 0.0 <= min(value) <= max(value) < inf:
-            raise ValueError(f"is {value}, expected three numbers ≥ 0")
-        return value
 
     @model_validator(mode="after")
     def _holds_something(self) -> "SupportTable":
@@ -365,7 +358,7 @@ class DampingTable(Table):
         Ratios from test instead: `[frequency in Hz, ratio]`, ascending. Linear between them, and constant beyond.
     """
 
-    ratio: float | list[float] = Field(default=0.0, examples=[0.01])
+    ratio: Share | list[Share] = Field(default=0.0, examples=[0.01])
     measured: list[Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(
         default=[], examples=[[[54.6, 0.012], [210.0, 0.008]]]
     )
@@ -379,17 +372,6 @@ class DampingTable(Table):
             expected = "[frequency in Hz, ratio 0 to 1], frequencies ascending"
             raise ValueError(f"measured is {self.measured}, expected {expected}")
         return self
-
-    @field_validator("ratio")
-    @classmethod
-    def _below_critical(cls, value: float | list[float]) -> float | list[float]:
-        for ratio in value if isinstance(value, list) else [value]:
-            if ratio < 0.0:
-                raise ValueError(f"a damping ratio is negative, {ratio:g}, expected ≥ 0")
-            if ratio > 1.0:
-                found = f"a damping ratio is {ratio:g}, expected at most 1, which is critical damping"
-                raise ValueError(f"{found}; {ratio:g} % is {ratio / 100.0:g}")
-        return value
 
 
 class FormulationTable(Table):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..files import outputs
 from ..files.basics import IntArray, OutputError, unit_system
-from ..files.outputs import Reporter, ScriptReporter
+from ..files.outputs import SCRIPT, Reporter
 from ..files.store import Store, default_folder
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ def init(mesh: Name, output: Name | None = None, units: str = "") -> Path:
     return target
 
 
-def couple(file: Name, output: Name | None = None, report: Reporter | None = None) -> "Result":
+def couple(file: Name, output: Name | None = None, report: Reporter = SCRIPT) -> "Result":
     """Run several FMUs together, linked by connections and by springs between interfaces.
 
     Parameters
@@ -181,7 +181,6 @@ def couple(file: Name, output: Name | None = None, report: Reporter | None = Non
     """
     from ..master import couple as march, read_coupling_file, run
 
-    report = report or ScriptReporter()
     return march(read_coupling_file(Path(file)), report) if output is None else run(Path(file), Path(output), report)
 
 
@@ -195,7 +194,7 @@ def chart(
     bare: bool = False,
     every: bool = False,
     jobs: int = 1,
-    report: Reporter | None = None,
+    report: Reporter = SCRIPT,
 ) -> "Drawn":
     """Try models of a body on a scene, and find those that nothing beats in error and cost.
 
@@ -229,7 +228,6 @@ def chart(
 
     paths = [Path(records)] if isinstance(records, str | Path) else list(map(Path, records))
     picture, page = (None if one is None else Path(one) for one in (picture, page))
-    report = report or ScriptReporter()
     check_targets(paths, picture, page)
     drawn: list[Drawn] = []
     if body is not None and scene is not None:
@@ -254,7 +252,7 @@ def stability(
     *,
     picture: Name | None = None,
     jobs: int = 1,
-    report: Reporter | None = None,
+    report: Reporter = SCRIPT,
 ) -> StabilityMap:
     """Map up to which loads each method is right.
 
@@ -284,15 +282,14 @@ def stability(
     from ..study.workshop import Crew
 
     records, finding, picture = Path(records), "", None if picture is None else Path(picture)
+    outputs.check_target(picture, outputs.PICTURE_SUFFIXES, inputs=(records,))
     if body is not None and scene is not None:
         found = read_scene(Path(scene), Path(body))
         with Crew(jobs) as crew:
-            report = report or ScriptReporter()
-            finding = map_stability(found, records, picture, report, Store(default_folder()), crew)
-    elif picture is not None:
+            finding = map_stability(found, records, report, Store(default_folder()), crew)
+    if picture is not None:
         from ..study.pictures import draw_map
 
-        outputs.check_target(picture, outputs.PICTURE_SUFFIXES, inputs=(records,))
         draw_map(records, picture)
     return StabilityMap(RUNS.read(records), finding, records)
 
@@ -305,7 +302,7 @@ def fit(
     fmu: Name | None = None,
     verify: bool = False,
     jobs: int = 1,
-    report: Reporter | None = None,
+    report: Reporter = SCRIPT,
 ) -> "Fit":
     """Find the smallest, fastest model of a body within a scene's tolerance; write its body file and FMU.
 
@@ -335,7 +332,7 @@ def fit(
     from ..study.scene.scene import read_scene
     from ..study.workshop import Crew
 
-    target, report = Path(output), report or ScriptReporter()
+    target = Path(output)
     beside = Path(fmu) if fmu else target.with_suffix(".fmu")
     with Crew(jobs) as crew:
         found = read_scene(Path(scene), Path(body))
@@ -349,7 +346,7 @@ def show(
     loads: Mapping[str, str] | None = None,
     modes: int = 0,
     live: bool = False,
-    report: Reporter | None = None,
+    report: Reporter = SCRIPT,
 ) -> "Shown":
     """Show a mesh, a body, its modes or an equilibrium: in a notebook as a page, and in a file.
 
@@ -380,4 +377,4 @@ def show(
 
     held = tuple(f"{name}={value}" for name, value in (loads or {}).items())
     target = None if output is None else Path(output)
-    return make(Request(Path(file), target, None, held, modes, live=live), report or ScriptReporter())
+    return make(Request(Path(file), target, None, held, modes, live=live), report)

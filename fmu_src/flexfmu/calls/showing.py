@@ -87,9 +87,7 @@ def show(request: Request, report: Reporter) -> Shown:
     RuntimeBodyError
         A body that was built without its surface, or has no equilibrium.
     """
-    if request.output is not None:
-        inputs = [p for p in (request.file, request.table) if p is not None]
-        check_target(request.output, (PAGE,) if request.live else SUFFIXES, inputs)
+    check_target(request.output, (PAGE,) if request.live else SUFFIXES, (request.file, request.table))
     view = _view(request, report)
     shown = Shown(replace(view, colour=_colour(request, view), scale=request.scale))
     if request.output is not None:

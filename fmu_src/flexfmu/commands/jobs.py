@@ -160,8 +160,7 @@ def simulate(
     from ..files.outputs import PICTURE_SUFFIXES, check_target
     from ..fmu.simulation import outcome, parse_parameters, simulate_csv
 
-    if plot is not None:
-        check_target(plot, PICTURE_SUFFIXES, inputs=(fmu, loads, output))
+    check_target(plot, PICTURE_SUFFIXES, inputs=(fmu, loads, output))
     if shape is not None:
         from ..calls.showing import show_simulation
         from ..view.shown import SUFFIXES

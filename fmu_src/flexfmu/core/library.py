@@ -1,6 +1,7 @@
 """The core through ctypes: arrays in, arrays out."""
 
 import ctypes
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -109,50 +110,36 @@ class _Wholes(_Numbers):
     kind = np.int64
 
 
-_ANSWER, _WORK, _TEXT = ctypes.c_int, ctypes.POINTER(_Work), (ctypes.c_char_p, _WHOLE)
-_STATE = (_Coordinates,) * 2
-# Of each function: what it returns, and its arguments after the body.
-_OF_BODIES: dict[str, tuple[Any, tuple[Any, ...]]] = {
-    "body_close": (None, ()),
-    "body_options": (_ANSWER, (_NUMBER, ctypes.POINTER(_Limits))),
-    "body_static": (_ANSWER, (_Inputs, _Coordinates, _Numbers, _Wholes)),
-    "body_step": (_ANSWER, (_Inputs, _Inputs, _NUMBER, *_STATE, _Wholes, _WORK)),
-    "body_refusal": (None, (_ANSWER, _NUMBER, _WORK, *_TEXT)),
-    "body_static_refusal": (None, (_ANSWER, _NUMBER, *_TEXT)),
-    "body_motion": (_done, (*_STATE, _Numbers, _Numbers)),
-    "body_nodes": (None, (_Coordinates, _Numbers, _Numbers)),
-    "body_stress": (None, (_Coordinates, _Numbers)),
-    "body_surface": (_done, (_Wholes, _Wholes, _Numbers, _Coordinates, _Numbers, _Numbers)),
-    "body_energies": (_done, (*_STATE, _Numbers, _Numbers)),
-    "body_forces": (_done, (_Inputs, _Coordinates, _Numbers, _Numbers)),
-    "body_mass": (_done, (_Coordinates, _Numbers)),
-    "body_rotations": (_NUMBER, (_Coordinates, _Numbers)),
-    "body_strain": (_NUMBER, (_Coordinates,)),
-    "body_stability": (_NUMBER, (_Inputs, _Coordinates, _Numbers)),
-    "body_is_stable": (_ANSWER, (_Inputs, _Coordinates, _NUMBER)),
-    "body_may_miss": (_ANSWER, (_Inputs, _NUMBER)),
-    "body_missed": (_NUMBER, (_Inputs, _Numbers)),
-    "body_bytes": (_WHOLE, ()),
-    "body_error": (_done, (_PLACE, _Inputs, _Coordinates, *(_Numbers,) * 4)),
-    "body_compliance": (_done, (_Inputs, _NUMBER, _Coordinates, _Wholes, _WHOLE, _Numbers)),
-}
-_SIGNATURES = {name: (result, (_PLACE, *arguments)) for name, (result, arguments) in _OF_BODIES.items()}
-# The master's loop: structures of master/loop.py.
-_SIGNATURES |= {
-    "coupling_open": (_PLACE, (_PLACE,)),
-    "coupling_begin": (None, (_PLACE, _PLACE)),
-    "coupling_run": (None, (_PLACE, _WHOLE, _WHOLE, _PLACE)),
-    "coupling_record": (None, (_PLACE, _PLACE)),
-    "coupling_slope": (_ANSWER, (_PLACE, _PLACE, _PLACE)),
-    "coupling_close": (None, (_PLACE, _WHOLE)),
-    "channel_join": (None, (_PLACE, _PLACE)),
-    "channel_serve": (None, (_PLACE, _PLACE)),
-    "channel_leave": (None, (_PLACE,)),
-}
-_SIGNATURES |= {
-    "body_open": (_PLACE, (ctypes.c_char_p, _WHOLE, ctypes.POINTER(ctypes.c_char_p))),
-    "core_sources": (ctypes.c_char_p, ()),
-}
+_DECLARED = re.compile(
+    r"^(void |int |double |int64_t |(?:const )?\w+ \*)((?:body|coupling|channel|core)_\w+)\((.*?)\);", re.M | re.S
+)
+_RESULTS = {"void ": None, "double ": _NUMBER, "int64_t ": _WHOLE, "const char *": ctypes.c_char_p}
+# Whose whole number is an answer of its own; that of others is `StepAnswer`'s, of a call that needs room.
+_ANSWERING = ("body_options", "body_static", "body_step", "body_is_stable", "body_may_miss", "coupling_slope")
+
+
+def _kind(argument: str) -> Any:
+    """How an argument goes to the core, by its declaration."""
+    kind, pointer, name = argument.partition("*")
+    if not pointer:
+        return {"int": ctypes.c_int, "double": _NUMBER, "int64_t": _WHOLE}[kind.split()[0]]
+    if kind.endswith("char ") and not name.startswith("*"):
+        return ctypes.c_char_p
+    if kind.endswith("double "):
+        return _Coordinates if name in ("q", "v") else _Inputs if name.startswith("inputs") else _Numbers
+    return _Wholes if kind.endswith("int64_t ") else _PLACE
+
+
+@cache
+def signatures() -> dict[str, tuple[Any, tuple[Any, ...]]]:
+    """What functions of the core return and take, as its headers declare them."""
+    found = {}
+    for path in Path(__file__).parent.glob("*.h"):
+        for result, name, arguments in _DECLARED.findall(path.read_text("utf-8")):
+            whole = ctypes.c_int if name in _ANSWERING else _done
+            kinds = tuple(_kind(one.strip()) for one in arguments.split(",") if one != "void")
+            found[name] = _RESULTS.get(result, whole if result == "int " else _PLACE), kinds
+    return found
 
 
 def library_path() -> Path:
@@ -197,8 +184,9 @@ def library() -> ctypes.CDLL:
 def declare(found: ctypes.CDLL) -> bool:
     """Give a loaded core the functions beside those of FMI, which are its only names."""
     found.fmi2FlexfmuCall.restype = _PLACE
-    for name, (result, arguments) in _SIGNATURES.items():
-        setattr(found, name, ctypes.CFUNCTYPE(result, *arguments)(found.fmi2FlexfmuCall(name.encode()) or 0))
+    for name, (result, arguments) in signatures().items():
+        if place := found.fmi2FlexfmuCall(name.encode()):
+            setattr(found, name, ctypes.CFUNCTYPE(result, *arguments)(place))
     return True
 
 
@@ -227,7 +215,7 @@ class Core:
         self._body = self._library.body_open(image, len(image), ctypes.byref(why))
         if not self._body:
             raise OptionError(f"not a program: {(why.value or b'').decode()}")
-        if self._ask("options", damping_scale, _Limits(limits.longest, limits.tolerance, limits.most)):
+        if self._ask("options", damping_scale, ctypes.byref(_Limits(limits.longest, limits.tolerance, limits.most))):
             raise OptionError("an option is out of range")
         program = read_image(image)
         sizes = program.sizes
@@ -390,7 +378,7 @@ class Core:
 
     def _ask(self, name: str, *arguments: Any) -> Any:
         """What a function of the core answers; Ctrl-C while an argument is made stays one."""
-        for kind, given in zip(_OF_BODIES[f"body_{name}"][1], arguments, strict=False):
+        for kind, given in zip(signatures()[f"body_{name}"][1][1:], arguments, strict=False):
             # The core would read what lies behind fewer.
             if kind in self._sizes and given is not None and np.size(given) != (size := self._sizes[kind]):
                 what = kind.__name__.strip("_").lower()

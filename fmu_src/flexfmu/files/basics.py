@@ -172,6 +172,17 @@ def alike(name: str, known: Iterable[str], count: int = 3) -> list[str]:
     return [lower[match] for match in difflib.get_close_matches(name.lower(), lower, n=count)]
 
 
+def length_unit(length: float) -> tuple[float, str]:
+    """The unit in which a length (m) reads best, and how many of it make one m."""
+    return next((one for one in ((1.0, "m"), (1e3, "mm"), (1e6, "µm")) if abs(length) * one[0] >= 1.0), (1.0, "m"))
+
+
+def metres(length: float) -> str:
+    """A length (m) in m, mm or µm, whichever reads best."""
+    factor, unit = length_unit(length)
+    return f"{factor * length:.4g} {unit}"
+
+
 # Enough to find the place in a mesh; a thousand labels would bury the message.
 SHOWN = 10
 

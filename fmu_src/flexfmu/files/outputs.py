@@ -147,6 +147,9 @@ class ScriptReporter(Reporter):
         warnings.warn(text, stacklevel=2)
 
 
+SILENT, SCRIPT = Reporter(), ScriptReporter()
+
+
 def progress_words(done: float, total: float, unit: str, elapsed: float) -> str:
     """How far a job is and how long it will still take, at the mean pace so far.
 
@@ -256,7 +259,7 @@ def ends_on_interrupt(report: Reporter) -> Iterator[Callable[[], bool]]:
 PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 
-def check_target(path: Path, suffixes: Collection[str], inputs: Collection[Path] = ()) -> None:
+def check_target(path: Path | None, suffixes: Collection[str], inputs: Collection[Path | None] = ()) -> None:
     """Refuse a file that cannot or should not be written, before any work is done for it.
 
     Parameters
@@ -272,6 +275,8 @@ def check_target(path: Path, suffixes: Collection[str], inputs: Collection[Path]
     OutputError
         With what is wrong and what to do.
     """
+    if path is None:
+        return
     if path.suffix.lower() not in suffixes:
         raise OutputError(f"{path}: expected a file name that ends in {' or '.join(suffixes)}")
     if not path.parent.is_dir():
@@ -283,7 +288,7 @@ def check_target(path: Path, suffixes: Collection[str], inputs: Collection[Path]
             pass
     except OSError as error:
         raise OutputError(f"{path}: the folder {path.parent} cannot be written to ({error.strerror})") from error
-    for source in inputs:
+    for source in filter(None, inputs):
         if path.exists() and source.exists() and path.samefile(source):
             raise OutputError(f"{path} is what the job reads; give the result another name")
 

@@ -23,6 +23,17 @@ Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 
 
+def _share(value: float) -> float:
+    if not 0.0 <= value <= 1.0:
+        percent = f"; {value:g} % is {value / 100.0:g}" if value > 1.0 else ""
+        raise ValueError(f"is {value:g}, expected a share from 0 to 1, such as 0.01{percent}")
+    return value
+
+
+Share = Annotated[float, AfterValidator(_share)]
+"""A number from 0 to 1."""
+
+
 def ascending(words: str) -> AfterValidator:
     """Return what checks that values of a list ascend; `words` say what they are, with an example.
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..body.flexible_body import FlexibleBody
 from ..body.loads import load_names
 from ..files.basics import FloatArray, SimulationError
-from ..files.outputs import Reporter, ScriptReporter, check_target, picture_html, rows_html
+from ..files.outputs import SCRIPT, Reporter, check_target, picture_html, rows_html
 from ..files.tables import unit_of, write_table
 from ..model.methods import Mass, Method
 from ..model.modal_file import write_modal_file
@@ -60,7 +60,7 @@ class BuiltBody(FlexibleBody):
         *,
         modes: int = 0,
         live: bool = False,
-        report: Reporter | None = None,
+        report: Reporter = SCRIPT,
     ) -> Shown:
         """Show the body under loads that hold still, its modes, or alive: a page in notebooks.
 
@@ -91,7 +91,6 @@ class BuiltBody(FlexibleBody):
         """
         if live:
             return Shown(live_view(self, not (loads or modes)))
-        report = report or ScriptReporter()
         cases = []
         if loads:
             held = self.loads(loads)
@@ -157,7 +156,7 @@ class BuiltBody(FlexibleBody):
         step: float | None = None,
         stop: float | None = None,
         parameters: Mapping[str, object] | None = None,
-        report: Reporter | None = None,
+        report: Reporter = SCRIPT,
     ) -> "SimulationResult":
         """Drive the body's FMU by loads over time; see `fmu.simulation.simulate`.
 
@@ -193,9 +192,7 @@ class BuiltBody(FlexibleBody):
         names, table = self._table(loads, stop)
         with tempfile.TemporaryDirectory(prefix="flexfmu-") as folder:
             fmu = self.fmu(Path(folder) / f"{self.model.name}.fmu")
-            outputs, result = simulate(
-                fmu, names, table, step=step, stop=stop, parameters=parameters, report=report or ScriptReporter()
-            )
+            outputs, result = simulate(fmu, names, table, step=step, stop=stop, parameters=parameters, report=report)
         return SimulationResult(self.model.name, tuple(outputs), result[:, 0], result[:, 1:])
 
     def _table(self, loads: Mapping[str, Any], stop: float | None) -> tuple[list[str], FloatArray]:

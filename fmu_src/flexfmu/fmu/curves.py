@@ -35,14 +35,10 @@ def plot_result(table: Path, picture: Path) -> None:
     Raises
     ------
     SimulationError
-        The table cannot be read, or the picture's format is not offered.
+        The table cannot be read.
     """
     names, values = read_table(table)
-    figure = result_figure(names, values[:, 0], values[:, 1:])
-    try:
-        save(figure, picture)
-    except ValueError as error:
-        raise SimulationError(f"{picture}: cannot be drawn ({error})") from error
+    save(result_figure(names, values[:, 0], values[:, 1:]), picture)
 
 
 def result_figure(names: Sequence[str], time: FloatArray, values: FloatArray) -> Figure:

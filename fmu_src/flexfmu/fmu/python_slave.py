@@ -24,18 +24,6 @@ _TEXT = ctypes.c_char_p
 _LOGGER = ctypes.CFUNCTYPE(None, ctypes.c_void_p, _TEXT, ctypes.c_int, _TEXT, _TEXT, use_errno=False)
 
 
-class _Callbacks(ctypes.Structure):
-    """`fmi2CallbackFunctions`."""
-
-    _fields_ = [
-        ("logger", _LOGGER),
-        ("allocate", ctypes.c_void_p),
-        ("free", ctypes.c_void_p),
-        ("finished", ctypes.c_void_p),
-        ("environment", ctypes.c_void_p),
-    ]
-
-
 class LogMessage:
     """A line for the master's logger, in the form that pythonfmu's library reads."""
 
@@ -95,12 +83,13 @@ class BodySlave:
             raise self._failure(f"no core for this machine in the FMU: {error}") from error
         self._core.fmi2Instantiate.restype = ctypes.c_void_p
         self._logger = _LOGGER(self._logged)
-        self._callbacks = _Callbacks(self._logger, None, None, None, None)
+        # Of five the first; the core asks for no other.
+        self._callbacks = (ctypes.c_void_p * 5)(ctypes.cast(self._logger, ctypes.c_void_p).value)
         # Masters may unpack the resources only: then there is no guid to compare.
         description = resources.parent / "modelDescription.xml"
         guid = (guid_in(description.read_bytes()) or "") if description.is_file() else self.guid
         name, token, place = (text.encode() for text in (self.instance_name or "instance", guid, str(resources)))
-        found = self._core.fmi2Instantiate(name, _CO_SIMULATION, token, place, ctypes.byref(self._callbacks), 0, 1)
+        found = self._core.fmi2Instantiate(name, _CO_SIMULATION, token, place, self._callbacks, 0, 1)
         self._handle = ctypes.c_void_p(found)
         if not self._handle:
             raise self._failure(None)

@@ -9,8 +9,17 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
-from ..files.basics import MOST_VALUES, FloatArray, SimulationError, StoppedError, keeping_partial, nearest, plural
-from ..files.outputs import Reporter, check_target, ends_on_interrupt
+from ..files.basics import (
+    MOST_VALUES,
+    FloatArray,
+    SimulationError,
+    StoppedError,
+    keeping_partial,
+    metres,
+    nearest,
+    plural,
+)
+from ..files.outputs import SILENT, Reporter, check_target, ends_on_interrupt
 from ..files.tables import Kind, check_input, number, read_table, write_table
 from ..program.variable_table import STEP_TOLERANCE
 from .runtime import own_log
@@ -58,7 +67,7 @@ def simulate(
     step: float | None = None,
     stop: float | None = None,
     parameters: Mapping[str, object] | None = None,
-    report: Reporter | None = None,
+    report: Reporter = SILENT,
 ) -> tuple[list[str], FloatArray]:
     """Drive an FMU by loads that are linear between the rows of a table, held constant over each step.
 
@@ -90,7 +99,6 @@ def simulate(
     StoppedError
         A step that the FMU refuses, or Ctrl-C; with what came out until then.
     """
-    report = report or Reporter()
     description = description_of(fmu)
     inputs = [v.name for v in _known(description, "input", names, fmu)]
     settings = _typed(_known(description, "parameter", parameters or {}, fmu), parameters or {})
@@ -334,7 +342,7 @@ def outcome(names: Sequence[str], result: FloatArray, warnings: int) -> str:
     str
     """
     found = []
-    for quantity, words in (("displacement", _length), ("rotation", lambda value: f"{np.degrees(value):.4g}°")):
+    for quantity, words in (("displacement", metres), ("rotation", lambda value: f"{np.degrees(value):.4g}°")):
         lengths: list[tuple[float, str, float]] = []
         for interface in dict.fromkeys(name.split(".")[0] for name in names if f".{quantity}." in name):
             columns = [1 + names.index(f"{interface}.{quantity}.{axis}") for axis in "xyz"]
@@ -345,7 +353,3 @@ def outcome(names: Sequence[str], result: FloatArray, warnings: int) -> str:
             size, interface, time = max(lengths, key=lambda one: one[0])
             found.append(f"largest {quantity} {words(size)} of {interface} at {time:.4g} s")
     return "; ".join([*found, plural(warnings, "warning")])
-
-
-def _length(value: float) -> str:
-    return f"{value:.4g} m" if value >= 1.0 else f"{1e3 * value:.4g} mm"

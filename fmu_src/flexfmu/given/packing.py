@@ -12,7 +12,7 @@ import numpy as np
 from ..build.choices import Interface, NodeChoices, Nodes, checked_spec, plain as plain_value
 from ..build.config import BodySpec
 from ..files.basics import BodyFileError, FloatArray, IntArray, OptionError, UnitSystem, own_version, plural
-from ..files.outputs import Reporter, ScriptReporter
+from ..files.outputs import SCRIPT, Reporter
 from ..fmu.built_body import BuiltBody, load
 from ..mesh.checks import checked
 from ..mesh.in_memory import Contents, from_contents
@@ -42,7 +42,7 @@ def pack(
     acceleration: bool = False,
     velocities: bool = False,
     surface: bool = True,
-    report: Reporter | None = None,
+    report: Reporter = SCRIPT,
 ) -> BuiltBody:
     """Make a body of modes that another program found.
 
@@ -87,7 +87,7 @@ def pack(
     if frames is not None:
         data["frames" if isinstance(frames, int) else "frame"] = plain_value(frames)
     with_sets = replace(given, sets=choices.mesh.node_sets)
-    return BuiltBody(reduce_given(with_sets, checked_spec(data), report or ScriptReporter()))
+    return BuiltBody(reduce_given(with_sets, checked_spec(data), report))
 
 
 def pack_file(

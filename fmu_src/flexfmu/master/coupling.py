@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from ..files.basics import MOST_VALUES, FloatArray, SimulationError, StoppedError, keeping_partial, own_version
-from ..files.outputs import Reporter, Tell, check_target, ends_on_interrupt, picture_html, whole_file
+from ..files.outputs import SILENT, Reporter, Tell, check_target, ends_on_interrupt, picture_html, whole_file
 from ..files.tables import write_table
 from ..fmu.runtime import own_log
 from .config import CouplingFile, ExperimentTable, Scheme, read_coupling_file
@@ -185,7 +185,7 @@ def write_result(path: Path, result: Result) -> None:
 _PATIENCE = 0.02
 
 
-def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
+def couple(coupling: CouplingFile, report: Reporter = SILENT) -> Result:
     """Run coupled FMUs.
 
     Parameters
@@ -204,7 +204,6 @@ def couple(coupling: CouplingFile, report: Reporter | None = None) -> Result:
     StoppedError
         An FMU refused or failed a step, the coupled inputs did not settle, or Ctrl-C; with what came out until then.
     """
-    report = report or Reporter()
     settings = coupling.experiment
     wiring = wire(coupling)
     _check_size(coupling, len(wiring.recorded) + 3)
@@ -310,8 +309,7 @@ def run(path: Path, output: Path, report: Reporter) -> Result:
         The results cannot be written.
     """
     coupling = read_coupling_file(path)
-    tables = [fmu.input for fmu in coupling.fmu if fmu.input is not None]
-    check_target(output, SUFFIXES, inputs=(path, *(fmu.file for fmu in coupling.fmu), *tables))
+    check_target(output, SUFFIXES, inputs=(path, *(file for fmu in coupling.fmu for file in (fmu.file, fmu.input))))
     with keeping_partial(output, write_result):
         result = couple(coupling, report)
     write_result(output, result)

@@ -225,7 +225,7 @@ class Springs:
     b: IntArray
     stiffness: FloatArray
     damping: FloatArray
-    axes: FloatArray | None = None
+    axes: FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from ..core.library import library
 from ..core.structures import Arrays, structures
 from ..files.basics import FloatArray, SimulationError
+from ..files.outputs import fields_of
 from .config import ExperimentTable, Held, Scheme
 from .layout import Recorded, Springs, Wiring
 from .participants import Participant
@@ -122,7 +122,7 @@ class Loop:
             An FMU fails the call.
         """
         found = np.zeros((len(self._wiring.base),) * 2)
-        return found if self.ask("slope", found.ctypes.data) else None
+        return found if self.ask("slope", found) else None
 
     def close(self) -> None:
         """Drop the states kept."""
@@ -236,10 +236,7 @@ def wired(w: Wiring, step: float, arrays: Arrays) -> Any:
 
 def joined(springs: Springs, ends: int, arrays: Arrays) -> Any:
     """Springs between so many ends as the core takes them."""
-    given = {field.name: getattr(springs, field.name) for field in fields(springs)}
-    if springs.axes is None:
-        given["axes"] = np.tile(np.eye(3), (len(springs.a), 1, 1))
-    return arrays.filled(_KINDS["Joints"], count=len(springs.a), ends=ends, **given)
+    return arrays.filled(_KINDS["Joints"], count=len(springs.a), ends=ends, **fields_of(springs))
 
 
 def participating(one: Participant, variables: list[tuple[int, Recorded]], arrays: Arrays) -> Any:

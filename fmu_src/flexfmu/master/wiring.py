@@ -26,35 +26,19 @@ _MOTION, _RATES, _LOADS = ("displacement", "rotation"), ("velocity", "angular_ve
 _JOINTS = str.maketrans("", "", ". *·")
 
 
-class Shares:
-    """Variables of all FMUs, collected as they are asked for, then put into the order of the FMUs."""
-
-    def __init__(self, descriptions: Described):
-        self._asked: dict[str, dict[str, None]] = {name: {} for name in descriptions}
-
-    def ask(self, fmu: str, variable: str) -> None:
-        """Ask for a variable of an FMU; once is enough."""
-        self._asked[fmu][variable] = None
-
-    def of(self, fmu: str) -> tuple[str, ...]:
-        """What was asked of an FMU, in the order of asking."""
-        return tuple(self._asked[fmu])
-
-    def places(self) -> dict[tuple[str, str], int]:
-        """Place of each variable by FMU and name, when all have been asked for."""
-        pairs = [(fmu, variable) for fmu, variables in self._asked.items() for variable in variables]
-        return {pair: place for place, pair in enumerate(pairs)}
+Asked = dict[tuple[str, str], None]
+"""Variables that are asked for, by FMU and name; once is enough."""
 
 
-def end_names(springs: list[SpringTable], descriptions: Described, inputs: Shares, signals: Shares) -> tuple[str, ...]:
+def end_names(springs: list[SpringTable], descriptions: Described, inputs: Asked, signals: Asked) -> tuple[str, ...]:
     """Interfaces that springs hold, in the order found; their variables are asked for.
 
     Parameters
     ----------
     springs : list of SpringTable
     descriptions : mapping of str to Description
-    inputs, signals : Shares
-        Are asked.
+    inputs, signals : dict
+        Get what is asked for.
 
     Returns
     -------
@@ -85,9 +69,8 @@ def end_names(springs: list[SpringTable], descriptions: Described, inputs: Share
         fmu, _, interface = text.partition(".")
         for quantity in (*_MOTION, *_RATES, *_LOADS):
             if _group(descriptions[fmu], f"{interface}.{quantity}"):
-                for axis in AXES:
-                    shares = inputs if quantity in _LOADS else signals
-                    shares.ask(fmu, f"{interface}.{quantity}.{axis}")
+                asked = inputs if quantity in _LOADS else signals
+                asked |= dict.fromkeys((fmu, f"{interface}.{quantity}.{axis}") for axis in AXES)
     return tuple(ends)
 
 
@@ -225,7 +208,7 @@ def wire(coupling: CouplingFile) -> layout.Wiring:
         A name, type or unit that does not fit, an input fed twice, or an FMU that cannot do what the scheme needs.
     """
     descriptions = {fmu.name: layout.read_description(fmu.name, fmu.file) for fmu in coupling.fmu}
-    inputs, signals = Shares(descriptions), Shares(descriptions)
+    inputs, signals = Asked(), Asked()
     starts = {fmu.name: _start_values(descriptions[fmu.name], fmu.start) for fmu in coupling.fmu}
     tables = {fmu.name: _table(descriptions[fmu.name], fmu, inputs) for fmu in coupling.fmu if fmu.input is not None}
     links = [_link(number, link, descriptions) for number, link in enumerate(coupling.connection, start=1)]
@@ -233,10 +216,9 @@ def wire(coupling: CouplingFile) -> layout.Wiring:
     linked = [(target.name, name) for _, _, target, name in links]
     _check_fed_once(linked, tabled)
     for source, output, target, name in links:
-        signals.ask(source.name, output)
-        inputs.ask(target.name, name)
+        signals[source.name, output] = inputs[target.name, name] = None
     ends = end_names(coupling.spring, descriptions, inputs, signals)
-    input_place, signal_place = inputs.places(), signals.places()
+    input_place, signal_place = _placed(inputs, descriptions), _placed(signals, descriptions)
     if coupling.experiment.scheme is Scheme.ITERATED:
         _check_states(descriptions, {fmu for fmu, _ in linked} | {end.partition(".")[0] for end in ends})
     matrix = np.zeros((len(input_place), len(signal_place)))
@@ -252,7 +234,7 @@ def wire(coupling: CouplingFile) -> layout.Wiring:
     coupled[laid_ends.loads[laid_ends.loads >= 0]] = True
     fed_place = {pair: place for pair, place in input_place.items() if coupled[place]}
     return layout.Wiring(
-        roles=tuple(_roles(descriptions, starts, inputs, signals)),
+        roles=tuple(_roles(descriptions, starts, input_place, signal_place)),
         input_names=tuple(f"{fmu}.{name}" for fmu, name in input_place),
         kind=_kinds(descriptions, input_place, laid_ends),
         base=base,
@@ -267,17 +249,23 @@ def wire(coupling: CouplingFile) -> layout.Wiring:
     )
 
 
+def _placed(asked: Asked, descriptions: Described) -> Places:
+    """Places of variables: in the order of the FMUs, then in that of asking."""
+    order = list(descriptions).index
+    return {pair: place for place, pair in enumerate(sorted(asked, key=lambda pair: order(pair[0])))}
+
+
 def _fed(rows: FloatArray, places: list[int]) -> layout.SignalTable:
     return layout.SignalTable(rows[:, 0], rows[:, 1:], np.array(places, dtype=np.int64))
 
 
-def _roles(descriptions: Described, starts: Mapping[str, Mapping[str, StartValue]], *both: Shares) -> list[layout.Role]:
+def _roles(descriptions: Described, starts: Mapping[str, Mapping[str, StartValue]], *both: Places) -> list[layout.Role]:
     roles: list[layout.Role] = []
     first_input = first_signal = 0
     for name, description in descriptions.items():
         references = [
-            tuple(int(description.variables[variable].valueReference) for variable in shares.of(name))
-            for shares in both
+            tuple(int(description.variables[variable].valueReference) for fmu, variable in places if fmu == name)
+            for places in both
         ]
         roles.append(layout.Role(description, starts[name], references[0], references[1], first_input, first_signal))
         first_input += len(references[0])
@@ -301,7 +289,7 @@ def _start_values(description: Description, start: Mapping[str, StartValue]) -> 
     return result
 
 
-def _table(description: Description, fmu: FmuTable, inputs: Shares) -> tuple[list[str], FloatArray]:
+def _table(description: Description, fmu: FmuTable, inputs: Asked) -> tuple[list[str], FloatArray]:
     """Names and rows of an FMU's table of inputs."""
     assert fmu.input is not None
     names, rows = read_table(Path(fmu.input))
@@ -310,7 +298,7 @@ def _table(description: Description, fmu: FmuTable, inputs: Shares) -> tuple[lis
         if name not in offered:
             found = f"{fmu.input}: {name!r} is no Real input of fmu {fmu.name!r}"
             raise SimulationError(f"{found}; {nearest(name, offered)}")
-        inputs.ask(fmu.name, name)
+        inputs[fmu.name, name] = None
     return names, rows
 
 

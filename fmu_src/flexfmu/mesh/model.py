@@ -168,15 +168,10 @@ def masses_note(masses: Sequence[PointMass], where: str) -> list[str]:
 _ACROSS = 1e-6
 
 
-class Along(Enum):
-    """Which axes a spring's six directions have when its ends move and turn far."""
-
-    FIXED = "fixed"
-    """The given ones: each end's own displacements along them."""
-    END = "end"
-    """Carried by the second end, which carries the joint too; on the ground or on nodes that cannot turn the given."""
-    LINE = "line"
-    """The line between both ends, whose length alone counts."""
+# Which axes a spring's six directions have when its ends move and turn far. FIXED: the given ones, each end's own
+# displacements along them. END: carried by the second end, which carries the joint too; on the ground or on nodes that
+# cannot turn the given ones. LINE: the line between both ends, whose length alone counts.
+Along = Enum("Along", "FIXED END LINE")
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,55 +51,21 @@ DEFAULT = Method.FRAMES
 """What needs no data besides frames: of bodies that are made without a body file."""
 
 
-class Kinematics(Enum):
-    """How displacements follow from modal coordinates."""
-
-    LINEAR = "linear"
-    """Equation (1): modal superposition, nothing else."""
-    LITERAL = "literal"
-    """Displacements from a sub-domain's joint turned by its averaged rotation, as the words of the paper have it."""
-    SECANT = "secant"
-    """Displacements turned by half the averaged rotation: onto the chord of the arc."""
-    COROTATED = "corotated"
-    """The tree of corotated frames."""
-    SECOND_ORDER = "second_order"
-    """The same, with what motions within the frames lack at second order."""
-
-
+# How displacements follow from modal coordinates. LINEAR: modal superposition alone, (1). LITERAL: from a sub-domain's
+# joint turned by its averaged rotation, as the words of the paper have it. SECANT: turned by half of that, onto the
+# chord of the arc. COROTATED: the tree of corotated frames. SECOND_ORDER: the same, with what motions
+# within frames lack then.
+Kinematics = Enum("Kinematics", "LINEAR LITERAL SECANT COROTATED SECOND_ORDER")
+# Where loads act: on the undeformed body; there, with the moment u × F of the paper's equation (3); on the deformed
+# body, by the transpose of the kinematics' derivative.
+LoadPlacement = Enum("LoadPlacement", "REFERENCE CORRECTIVE_MOMENT DEFORMED")
+# How stress changes stiffness: not at all, Λ; by geometric stiffness of the linear stress of the loads, Σ f_l K_l; by
+# that of the stress of the modal coordinates, Σ q_j K_j.
+Stiffness = Enum("Stiffness", "CONSTANT BY_LOAD BY_MODE")
+# How frames hang together: each on its parent, roots on the ground; each by itself, about the linear displacement of
+# its joint; one for the whole body.
+FrameLayout = Enum("FrameLayout", "TREE SEPARATE ONE")
 _Choice = TypeVar("_Choice", Method, Mass)
-
-
-class LoadPlacement(Enum):
-    """Where loads act."""
-
-    REFERENCE = "reference"
-    """On the undeformed body."""
-    CORRECTIVE_MOMENT = "corrective_moment"
-    """On the undeformed body, with the moment u × F of the paper's equation (3)."""
-    DEFORMED = "deformed"
-    """On the deformed body, by the transpose of the kinematics' derivative."""
-
-
-class Stiffness(Enum):
-    """How stress changes stiffness."""
-
-    CONSTANT = "constant"
-    """Not at all: Λ."""
-    BY_LOAD = "by_load"
-    """Geometric stiffness of the linear stress of the loads, Σ f_l K_l."""
-    BY_MODE = "by_mode"
-    """Geometric stiffness of the stress of the modal coordinates, Σ q_j K_j."""
-
-
-class FrameLayout(Enum):
-    """How the frames of a body hang together."""
-
-    TREE = "tree"
-    """Each on its parent, roots on the ground."""
-    SEPARATE = "separate"
-    """Each by itself, about the linear displacement of its joint."""
-    ONE = "one"
-    """One for the whole body."""
 
 
 class Data(Enum):

@@ -2,7 +2,7 @@
 
 import hashlib
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import isqrt
 from pathlib import Path
@@ -27,6 +27,16 @@ _SINGLE = ("second/", "membrane/")
 FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation vectors about its axes"
 
 
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(filter(None, text.split(",")))
+
+
+# How the body is used, by its attributes, which are the file's: what reads each.
+_KEPT: dict[str, Callable[[Any], Any]] = {"method": Method, "mass": Mass, "velocity_outputs": bool}
+_KEPT |= dict.fromkeys(("compliance_interfaces", "following_interfaces"), _names)
+_KEPT |= {"root_interface": int, "floating": bool, "tolerance": float}
+
+
 def _datasets(body: ReducedBody) -> Iterator[tuple[str, Entry, Any]]:
     """Path, table's row and value of everything that a body holds, in a fixed order."""
     for holder, entries in [(body, ARRAYS["body"]), *((getattr(body, part), ARRAYS[part]) for part in GROUPS)]:
@@ -46,19 +56,12 @@ def _datasets(body: ReducedBody) -> Iterator[tuple[str, Entry, Any]]:
 
 def _attributes(body: ReducedBody) -> dict[str, Any]:
     """Attributes of the file, but for its checksum."""
-    return {
-        "format": FORMAT,
-        "schema_version": SCHEMA_VERSION,
-        "name": body.name,
-        "frame_convention": FRAME_CONVENTION,
-        "method": body.method.value,
-        "mass": body.mass.value,
-        "velocity_outputs": body.velocity_outputs,
-        "compliance_interfaces": ",".join(body.compliance_interfaces),
-        "following_interfaces": ",".join(body.following_interfaces),
-        "root_interface": body.root_interface,
-        "floating": body.floating,
-    } | ({} if body.tolerance is None else {"tolerance": body.tolerance})
+    head = {"format": FORMAT, "schema_version": SCHEMA_VERSION, "name": body.name, "frame_convention": FRAME_CONVENTION}
+    used = {key: getattr(body, key) for key in _KEPT}
+    for key, value in used.items():
+        if value is not None:
+            head[key] = ",".join(value) if isinstance(value, tuple) else getattr(value, "value", value)
+    return head
 
 
 def _checksum(body: ReducedBody) -> str:
@@ -190,12 +193,7 @@ def _read(file: Any, name: str) -> ReducedBody:
         raise ModalFileError(f"{name}: schema version {version}, {expected}")
     body = replace(
         _read_body(file, file.attrs),
-        method=Method(file.attrs["method"]),
-        mass=Mass(file.attrs["mass"]),
-        velocity_outputs=bool(file.attrs["velocity_outputs"]),
-        compliance_interfaces=tuple(filter(None, str(file.attrs["compliance_interfaces"]).split(","))),
-        following_interfaces=tuple(filter(None, str(file.attrs.get("following_interfaces", "")).split(","))),
-        tolerance=float(file.attrs["tolerance"]) if "tolerance" in file.attrs else None,
+        **{key: kind(file.attrs[key]) for key, kind in _KEPT.items() if key in file.attrs},
         provenance={key: str(value) for key, value in file["provenance"].attrs.items()},
         stress_sets=tuple(
             StressSet(key.partition("_")[2], **_read_entries(group, ARRAYS["stress"]))
@@ -213,12 +211,8 @@ def _read_body(group: Any, attributes: Any) -> ReducedBody:
     contents |= {one: kind(**_read_entries(group, ARRAYS[one])) for one, kind in GROUPS.items() if one in group}
     if "shadow" in group:
         contents["shadow"] = Shadow(_read_body(group["shadow"], attributes), **_read_entries(group, ARRAYS["shadow"]))
-    return ReducedBody(
-        **contents,
-        name=str(attributes["name"]),
-        root_interface=int(attributes["root_interface"]),
-        floating=bool(attributes["floating"]),
-    )
+    kept = {key: _KEPT[key](attributes[key]) for key in ("root_interface", "floating")}
+    return ReducedBody(name=str(attributes["name"]), **contents, **kept)
 
 
 def _read_entries(group: Any, entries: tuple[Entry, ...]) -> dict[str, Any]:

@@ -99,8 +99,7 @@ def fit(
     """
     begun = time.perf_counter()
     check_target(target, (".toml",), inputs=(scene.body,))
-    if fmu is not None:
-        check_target(fmu, (".fmu",))
+    check_target(fmu, (".fmu",))
     workshop = Workshop(scene, report, store, crew, solve=False)
     _ = workshop.known
     workshop, tried = _searched(workshop)

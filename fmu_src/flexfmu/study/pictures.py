@@ -20,7 +20,6 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
 
 from ..files.figures import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, VERMILION, YELLOW, Drawing, save
-from ..files.outputs import PICTURE_SUFFIXES, check_target
 from ..model.methods import Method
 from .candidates import short
 from .front import QUANTITIES, Axis, bodies, recommended, tolerance
@@ -306,7 +305,6 @@ def draw_map(records: Path, picture: Path) -> None:
     OutputError
         The picture cannot be written.
     """
-    check_target(picture, PICTURE_SUFFIXES, inputs=(records,))
     save(map_figure(records), picture)
 
 

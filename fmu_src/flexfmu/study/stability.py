@@ -20,7 +20,7 @@ from ..body.flexible_body import FlexibleBody
 from ..build.reduce import reduce_body
 from ..core.library import library_path
 from ..files.basics import FloatArray, RuntimeBodyError
-from ..files.outputs import PICTURE_SUFFIXES, Reporter, check_target
+from ..files.outputs import Reporter, check_target
 from ..files.store import Store
 from ..fmu.python_slave import BodySlave, SlaveError, core_file
 from ..model.methods import Mass, Variant, has_frames
@@ -71,22 +71,19 @@ class BodyPrograms(AbstractContextManager["BodyPrograms"]):
 
 
 class DrivenSlave:
-    """An instance that takes steps until it refuses one.
+    """An instance after its initialisation.
 
     Parameters
     ----------
     programs : BodyPrograms
     parameters : mapping of str to float or str
     inputs : (L,) float
-        Held throughout.
     """
 
     def __init__(self, programs: BodyPrograms, parameters: Mapping[str, float | str], inputs: FloatArray):
         self._variables = programs.variables
         self._count = 6 * programs.body.interface_count
-        self.refused = False
-        self._time = 0.0
-        self._slave = programs.start(**parameters)
+        self._slave, self.refused = programs.start(**parameters), False
         self._slave.set_real(list(range(inputs.size)), inputs.tolist())
         try:
             self._slave.setup_experiment(0.0, None, None)
@@ -94,15 +91,6 @@ class DrivenSlave:
             self._slave.exit_initialization_mode()
         except SlaveError:
             self.refused = True
-
-    def step(self, size: float) -> bool:
-        """Take a step (s); whether it was taken."""
-        try:
-            self.refused = self.refused or not self._slave.do_step(self._time, size)
-        except SlaveError:
-            self.refused = True
-        self._time += size
-        return not self.refused
 
     def motion(self) -> FloatArray:
         """Displacement and rotation vector of each interface, (I, 2, 3)."""
@@ -131,17 +119,14 @@ Truth = Mapping[tuple[str, str], FloatArray]
 """Displacements (I, 3) of the interfaces that count, m, by case and factor of each equilibrium."""
 
 
-def map_stability(
-    scene: Scene, records: Path, picture: Path | None, report: Reporter, store: Store, crew: Crew | None = None
-) -> str:
-    """Run what is not recorded yet of a map, record it, and draw it.
+def map_stability(scene: Scene, records: Path, report: Reporter, store: Store, crew: Crew | None = None) -> str:
+    """Run what is not recorded yet of a map, and record it.
 
     Parameters
     ----------
     scene : Scene
     records : Path
         CSV.
-    picture : Path or None
     report : Reporter
     store : Store
     crew : Crew, optional
@@ -158,8 +143,6 @@ def map_stability(
         A scene without loads that hold still, a free body, or records of another scene.
     """
     check_target(records, (".csv",), inputs=(scene.body,))
-    if picture is not None:
-        check_target(picture, PICTURE_SUFFIXES, inputs=(scene.body, records))
     if not scene.static or scene.config.free:
         raise SceneError("a map of stability takes [[static]] cases of a body that is held: add one to the scene")
     workshop = Workshop(scene, report, store, crew)
@@ -172,10 +155,6 @@ def map_stability(
                 if run.key not in kept:
                     kept.append(run)
             tell(done)
-    if picture is not None:
-        from .pictures import draw_map
-
-        draw_map(records, picture)
     counts = Counter(Verdict(run.verdict) for run in kept.rows)
     return ", ".join(f"{counts[one]} {VERDICTS[one]}" for one in Verdict)
 

@@ -204,22 +204,6 @@ _EQUILIBRIA = 3
 _ABOVE, _MOST = 1.05, 0.98
 
 
-class Heard(Reporter):
-    """Keeps notes and warnings, doubts among them."""
-
-    def __init__(self) -> None:
-        self.notes: list[str] = []
-        self.warnings: list[str] = []
-
-    def note(self, text: str) -> None:
-        """Keep it."""
-        self.notes.append(text)
-
-    def warning(self, text: str) -> None:
-        """Keep it."""
-        self.warnings.append(text)
-
-
 @dataclass(frozen=True, slots=True)
 class Built:
     """A reduced body.
@@ -439,6 +423,7 @@ def build(config: BodyFile, store: Store) -> Built:
     -------
     Built
     """
-    heard, start = Heard(), time.perf_counter()
-    body = reduce_body(config, heard, store)
-    return Built(body, time.perf_counter() - start, any(REUSED in note for note in heard.notes))
+    report, notes, start = Reporter(), list[str](), time.perf_counter()
+    report.note = notes.append  # type: ignore[assignment, method-assign]
+    body = reduce_body(config, report, store)
+    return Built(body, time.perf_counter() - start, any(REUSED in note for note in notes))

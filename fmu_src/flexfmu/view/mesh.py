@@ -18,7 +18,7 @@ from ..reduction.model import Model
 from ..reduction.options import PLACED, BodyOptions, node_set, support_places
 from ..reduction.subdomains import Subdomain
 from ..reduction.surface import carrying_frames, set_numbers, surface_nodes
-from .model import Mark, MarkKind, Region, View
+from .model import Mark, Region, View
 from .motions import FRAMES, INTERFACES, support_marks
 
 
@@ -60,14 +60,14 @@ def model_view(options: BodyOptions, model: Model, report: Reporter) -> View:
     titles = (*(interface.name for interface in interfaces), "supports")
     numbered.append(Region(INTERFACES, titles, set_numbers(count, sets)))
     supports, points, springs = support_places(mesh, options.supports)
-    marks = [Mark(MarkKind.INTERFACE, interface.name) for interface in interfaces] + support_marks(supports, springs)
+    marks = [Mark("interface", interface.name) for interface in interfaces] + support_marks(supports, springs)
     places = [*(interface.point for interface in interfaces), *points]
     for name, domain in zip(names, subdomains, strict=True):
         if not domain.floating:
-            marks.append(Mark(MarkKind.JOINT, name))
+            marks.append(Mark("joint", name))
             places.append(domain.joint_point)
     for cut in options.cuts:
-        marks.append(Mark(MarkKind.CUT, cut))
+        marks.append(Mark("cut", cut))
         places.append(mesh.points[node_set(mesh, cut, "[[cut]] nodes")].mean(axis=0))
     return _view(mesh, options.name, numbered, tuple(marks), np.array(places))
 

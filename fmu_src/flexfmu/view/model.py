@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum
+from typing import Literal
 
 import numpy as np
 
@@ -11,14 +11,7 @@ from ..files.basics import FloatArray, IntArray
 DISPLACEMENT, STRESS = "displacement", "von Mises stress"
 
 
-class MarkKind(Enum):
-    """What a mark stands for."""
-
-    INTERFACE = "interface"
-    JOINT = "joint"
-    CUT = "cut"
-    SUPPORT = "support"
-    SPRING = "spring"
+MarkKind = Literal["interface", "joint", "cut", "support", "spring"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,11 +152,3 @@ def shown_factor(largest: float, size: float) -> float:
     factor = _SEEN * size / largest
     power = 10.0 ** np.floor(np.log10(factor))
     return float(max(step * power for step in (1, 2, 5) if step * power <= factor * (1 + 1e-12)))
-
-
-def metres(value: float) -> str:
-    """A length in m, mm or µm, whichever reads best."""
-    for factor, unit in ((1.0, "m"), (1e3, "mm"), (1e6, "µm")):
-        if abs(value) * factor >= 1.0:
-            return f"{value * factor:.4g} {unit}"
-    return f"{value:.3g} m"

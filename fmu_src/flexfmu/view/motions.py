@@ -12,12 +12,12 @@ from ..body.loads import Loads
 from ..body.recovery import surface_data, surface_of, surface_von_mises
 from ..core.binaries import web_core
 from ..core.interface import DESCRIPTION
-from ..files.basics import FlexfmuError, FloatArray, IntArray, OptionError, plural
+from ..files.basics import FlexfmuError, FloatArray, IntArray, OptionError, metres, plural
 from ..files.outputs import Reporter
 from ..model.reduced_body import GROUND
 from ..program.compile import programs, with_guid
 from ..program.variable_table import variable_table
-from .model import DISPLACEMENT, STRESS, Case, Mark, MarkKind, Region, View, metres
+from .model import DISPLACEMENT, STRESS, Case, Mark, Region, View
 
 # Shapes of an oscillation, and of a load that grows.
 _PHASES, _SHARES = 24, 11
@@ -73,17 +73,16 @@ def body_view(body: FlexibleBody, cases: Sequence[Case] = (), **more: object) ->
 def marks_of(body: FlexibleBody) -> tuple[Mark, ...]:
     """Interfaces, then supports, joints between frames, cuts."""
     model, properties = body.model, body.model.properties
-    marks = [Mark(MarkKind.INTERFACE, name) for name in model.interface_names]
+    marks = [Mark("interface", name) for name in model.interface_names]
     if properties is not None and properties.support_spring is not None:
         marks += support_marks(properties.support_names, properties.support_spring)
-    marks += [Mark(MarkKind.JOINT, model.frame_names[s]) for s in _joints(body)]
-    return (*marks, *(Mark(MarkKind.CUT, f"cut {k + 1}") for k in range(len(_cuts(body)))))
+    marks += [Mark("joint", model.frame_names[s]) for s in _joints(body)]
+    return (*marks, *(Mark("cut", f"cut {k + 1}") for k in range(len(_cuts(body)))))
 
 
 def support_marks(names: Sequence[str], springs: IntArray) -> list[Mark]:
     """Marks of supports, by whether springs hold."""
-    kinds = (MarkKind.SUPPORT, MarkKind.SPRING)
-    return [Mark(kinds[spring], name) for name, spring in zip(names, springs, strict=True)]
+    return [Mark("spring" if spring else "support", name) for name, spring in zip(names, springs, strict=True)]
 
 
 def _joints(body: FlexibleBody) -> list[int]:

@@ -1,6 +1,5 @@
 """A view as a picture for reports: shaded faces from back to front, without a display."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -9,10 +8,10 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from ..files.basics import FloatArray, IntArray
+from ..files.basics import FloatArray, IntArray, length_unit
 from ..files.figures import Drawing
 from ..reduction.surface import face_edges, face_normals
-from .model import DISPLACEMENT, STRESS, Case, MarkKind, View
+from .model import DISPLACEMENT, STRESS, Case, View
 
 # A palette that colour-blind readers can tell apart (Okabe and Ito), and what belongs to nothing.
 PALETTE = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#999999")
@@ -28,39 +27,22 @@ _CORNER = 0.85
 _MANY_FACES = 12000
 
 
-@dataclass(frozen=True, slots=True)
-class Camera:
-    """Directions of the picture in the body's axes.
+def camera_along(right: Any, up: Any) -> FloatArray:
+    """Directions right, up and towards the eye, as rows, of a picture whose axes are closest to two directions."""
+    x = np.asarray(right, dtype=float) / np.linalg.norm(right)
+    y = np.asarray(up, dtype=float) - np.dot(up, x) * x
+    y /= np.linalg.norm(y)
+    return np.stack([x, y, np.cross(x, y)])
 
-    Attributes
-    ----------
-    right, up : (3,) float
-    """
 
-    right: FloatArray
-    up: FloatArray
-
-    @classmethod
-    def along(cls, right: Any, up: Any) -> "Camera":
-        """Camera whose picture's axes are closest to two directions."""
-        x = np.asarray(right, dtype=float) / np.linalg.norm(right)
-        y = np.asarray(up, dtype=float) - np.dot(up, x) * x
-        return cls(x, y / np.linalg.norm(y))
-
-    @classmethod
-    def of(cls, size: FloatArray) -> "Camera":
-        """Camera that shows a body of some size (3,) from its broad side."""
-        broad = size[:2][size[:2] > 0.15 * size[:2].max()]
-        if size[2] < 0.12 * broad.min():
-            return cls.along([1.0, 0.0, -0.35], [0.12, 1.0, -0.3])
-        right = np.array([0.9, 0.45, 0.0]) if size[0] >= size[1] else np.array([-0.45, 0.9, 0.0])
-        right /= np.linalg.norm(right)
-        return cls.along(right, np.cross([0.87 * right[1], -0.87 * right[0], 0.5], right))
-
-    @property
-    def axes(self) -> FloatArray:
-        """Right, up and towards the eye, as rows."""
-        return np.stack([self.right, self.up, np.cross(self.right, self.up)])
+def camera_of(size: FloatArray) -> FloatArray:
+    """The same of a picture that shows a body of some size (3,) from its broad side."""
+    broad = size[:2][size[:2] > 0.15 * size[:2].max()]
+    if size[2] < 0.12 * broad.min():
+        return camera_along([1.0, 0.0, -0.35], [0.12, 1.0, -0.3])
+    right = np.array([0.9, 0.45, 0.0]) if size[0] >= size[1] else np.array([-0.45, 0.9, 0.0])
+    right /= np.linalg.norm(right)
+    return camera_along(right, np.cross([0.87 * right[1], -0.87 * right[0], 0.5], right))
 
 
 def corner_edges(points: FloatArray, faces: IntArray) -> IntArray:
@@ -78,7 +60,7 @@ def draw_surface(
     panel: Any,
     points: FloatArray,
     faces: IntArray,
-    camera: Camera,
+    camera: FloatArray,
     colours: FloatArray,
     edges: bool = True,
     order: float = 2.0,
@@ -91,7 +73,8 @@ def draw_surface(
     points : (n, 3) float
         m.
     faces : (f, 4) int
-    camera : Camera
+    camera : (3, 3) float
+        As of `camera_along`.
     colours : (f, 3) float
         Of the faces, before shading.
     edges : bool
@@ -99,8 +82,8 @@ def draw_surface(
     order : float
         Higher ones hide lower ones.
     """
-    seen = points @ camera.axes.T
-    normals = face_normals(points, faces) @ camera.axes.T
+    seen = points @ camera.T
+    normals = face_normals(points, faces) @ camera.T
     front = normals[:, 2] > 0.0
     drawn = np.flatnonzero(front)[np.argsort(seen[faces][:, :, 2].mean(axis=1)[front])]
     shade = 0.58 + 0.42 * np.clip(normals[drawn] @ _LIGHT, 0.0, 1.0)
@@ -112,20 +95,18 @@ def draw_surface(
     panel.add_collection(PolyCollection([*seen[faces[drawn]][:, :, :2]], facecolors=tint, zorder=order, **lines))
 
 
-def draw_outline(
-    panel: Any, points: FloatArray, edges: IntArray, camera: Camera, colour: str, width: float = 0.7, order: float = 1.0
-) -> None:
+def draw_outline(panel: Any, points: FloatArray, edges: IntArray, camera: FloatArray, colour: str, **look: Any) -> None:
     """Draw edges (e, 2) of points (n, 3) into axes."""
-    seen = points @ camera.axes.T
-    panel.add_collection(LineCollection([*seen[edges][:, :, :2]], colors=colour, linewidths=width, zorder=order))
+    lines = [*(points @ camera.T)[edges][:, :, :2]]
+    panel.add_collection(LineCollection(lines, colors=colour, **{"linewidths": 0.7, "zorder": 1.0} | look))
 
 
-def draw_triad(panel: Any, camera: Camera) -> None:
+def draw_triad(panel: Any, camera: FloatArray) -> None:
     """Draw the directions of the axes into a small panel of their own."""
     panel.set_aspect("equal")
     panel.set_axis_off()
     panel.set(xlim=(-1.5, 1.5), ylim=(-1.5, 1.5))
-    directions = camera.axes.T
+    directions = camera.T
     # Those that point at the eye come last.
     for axis in np.argsort(directions[:, 2]):
         x, y = directions[axis, :2]
@@ -153,8 +134,8 @@ def draw_view(view: View, case: Case | None, shape: int) -> Figure:
     moved = np.zeros_like(view.points) if case is None else case.places[shape] - view.points
     points = view.points + factor * moved
     both = np.concatenate([view.points, points])
-    camera = Camera.of(np.ptp(both, axis=0))
-    extent = np.ptp(both @ camera.axes[:2].T, axis=0)
+    camera = camera_of(np.ptp(both, axis=0))
+    extent = np.ptp(both @ camera[:2].T, axis=0)
     height = float(np.clip(_WIDTH * 0.8 * extent[1] / max(extent[0], 1e-12) + 1.2, 3.2, 7.0))
     figure = Drawing(figsize=(_WIDTH, height))
     panel = figure.add_axes((0.02, 0.45 / height, 0.8, 1.0 - 0.95 / height))
@@ -184,7 +165,7 @@ def _tint(view: View, case: Case | None, shape: int, colour: str) -> tuple[Float
     """Colours (f, 3) of the faces, and what a colour bar needs, or None."""
     if case is not None and colour in (DISPLACEMENT, STRESS):
         lengths = np.linalg.norm(case.places - view.points, axis=2)
-        values, factor, unit = lengths, *_length_unit(float(lengths.max()))
+        values, factor, unit = lengths, *length_unit(float(lengths.max()))
         if colour == STRESS and case.stress is not None:
             values, factor, unit = case.stress, 1e-6, "MPa"
         norm = matplotlib.colors.Normalize(0.0, factor * float(values.max()) or 1.0)
@@ -199,10 +180,6 @@ def _tint(view: View, case: Case | None, shape: int, colour: str) -> tuple[Float
     return tint, None
 
 
-def _length_unit(largest: float) -> tuple[float, str]:
-    return (1.0, "m") if largest >= 1.0 else (1e3, "mm") if largest >= 1e-3 else (1e6, "µm")
-
-
 def region_colour(number: int) -> tuple[float, float, float]:
     """Colour of a name: the palette, then its lighter and its darker half."""
     red, green, blue = matplotlib.colors.to_rgb(PALETTE[number % len(PALETTE)])
@@ -210,20 +187,20 @@ def region_colour(number: int) -> tuple[float, float, float]:
     return share * red + add, share * green + add, share * blue + add
 
 
-def _draw_marks(panel: Any, view: View, case: Case | None, shape: int, factor: float, camera: Camera) -> None:
+def _draw_marks(panel: Any, view: View, case: Case | None, shape: int, factor: float, camera: FloatArray) -> None:
     rest = view.mark_points
     places = rest if case is None else rest + factor * (case.marks[shape] - rest)
     looks = {
-        MarkKind.INTERFACE: ("o", "#d55e00", 6),
-        MarkKind.JOINT: ("D", "#1d2733", 3.5),
-        MarkKind.CUT: ("D", "#cc79a7", 5),
-        MarkKind.SUPPORT: ("^", "#1d2733", 7),
-        MarkKind.SPRING: ("s", "#1d2733", 6),
+        "interface": ("o", "#d55e00", 6),
+        "joint": ("D", "#1d2733", 3.5),
+        "cut": ("D", "#cc79a7", 5),
+        "support": ("^", "#1d2733", 7),
+        "spring": ("s", "#1d2733", 6),
     }
-    for mark, place in zip(view.marks, places @ camera.axes.T, strict=True):
+    for mark, place in zip(view.marks, places @ camera.T, strict=True):
         form, ink, size = looks[mark.kind]
         panel.plot(*place[:2], form, color=ink, markersize=size, markeredgecolor="white", zorder=8)
-        if mark.kind is not MarkKind.JOINT:
+        if mark.kind != "joint":
             words = {"xytext": (7, 7), "textcoords": "offset points", "fontsize": 9, "zorder": 9, "path_effects": _HALO}
             panel.annotate(mark.name, place[:2], **words)
 

@@ -10,7 +10,7 @@ from xml.sax.saxutils import quoteattr
 import meshio
 import numpy as np
 
-from ..files.basics import FlexfmuError, FloatArray, OutputError
+from ..files.basics import FlexfmuError, FloatArray
 from ..files.outputs import PICTURE_SUFFIXES, check_target, page_text, whole_file
 from .model import Case, View
 
@@ -108,7 +108,7 @@ def page(view: View) -> str:
         "points": _packed(view.points, "<f4"),
         "faces": _packed(view.faces, "<u4"),
         "regions": [{"title": r.title, "names": [*r.names], "number": _packed(r.number, "<i4")} for r in view.regions],
-        "marks": [{"kind": mark.kind.value, "name": mark.name} for mark in view.marks],
+        "marks": [{"kind": mark.kind, "name": mark.name} for mark in view.marks],
         "markPoints": _rounded(view.mark_points),
         "sets": {name: [int(i) for i in rows] for name, rows in view.sets.items()},
         "colours": list(view.colours),
@@ -216,13 +216,11 @@ class Shown:
             if case is None:
                 raise FlexfmuError(f"{output}: a series wants a motion; give loads or --modes, or take {SHAPE}")
             write_pvd(self.view, case, output)
-        else:
+        elif suffix == PAGE:
             with whole_file(output) as part:
-                if suffix == PAGE:
-                    part.write_text(page(self.view), encoding="utf-8")
-                else:
-                    try:
-                        self.plot().savefig(part, dpi=160)
-                    except ValueError as error:
-                        raise OutputError(f"{output}: cannot be drawn ({error})") from error
+                part.write_text(page(self.view), encoding="utf-8")
+        else:
+            from ..files.figures import save
+
+            save(self.plot(), output)
         return output

@@ -18,12 +18,8 @@ _NO_AXIS = 1e-12
 _DIGITS = 13
 
 
-@dataclass(slots=True)
-class _Instance:
-    """An *INSTANCE card and what stands between it and *END INSTANCE."""
-
-    card: Card
-    own: list[Card]
+# An *INSTANCE card, and what stands between it and *END INSTANCE.
+_Instance = tuple[Card, list[Card]]
 
 
 @dataclass(slots=True)
@@ -70,7 +66,7 @@ class Assembly:
                 self._take_part(card, _until("ENDPART", card, source))
             elif card.key == "ASSEMBLY":
                 instances, own = _split(_until("ENDASSEMBLY", card, source))
-                used.update(entry.card.parameters.get("PART", "").upper() for entry in instances)
+                used.update(one.parameters.get("PART", "").upper() for one, _ in instances)
                 yield from self._assembled(instances, own)
             elif card.key in STRUCTURE:
                 raise card.line.error(f"*{card.keyword} stands outside the part or assembly that it belongs to")
@@ -90,16 +86,16 @@ class Assembly:
         self._parts[name.upper()] = (card, content)
 
     def _assembled(self, instances: Sequence[_Instance], own: Sequence[Card]) -> Iterator[Card]:
-        contents = [[*self._content(entry.card), *entry.own] for entry in instances]
+        contents = [[*self._content(one), *more] for one, more in instances]
         # A number of a later instance reads as its own with the instance's place before it: 12 becomes 1012.
         highest = max((_highest(content) for content in [*contents, own]), default=0)
         step = 10 ** len(str(highest))
-        for place, (entry, content) in enumerate(zip(instances, contents, strict=True)):
-            name = entry.card.required("NAME")
+        for place, ((one, _), content) in enumerate(zip(instances, contents, strict=True)):
+            name = one.required("NAME")
             if name.upper() in self.offsets:
-                raise entry.card.line.error(f"instance '{name}' is defined again; rename one of them")
+                raise one.line.error(f"instance '{name}' is defined again; rename one of them")
             self.offsets[name.upper()] = offset = place * step
-            scope = Scope(name, offset, *_placement(entry.card))
+            scope = Scope(name, offset, *_placement(one))
             if offset:
                 self.notes.append(f"nodes and elements of instance '{name}' are numbered from {offset + 1}")
             for card in content:
@@ -135,7 +131,7 @@ def _split(cards: Sequence[Card]) -> tuple[list[_Instance], list[Card]]:
     instances, own, source = list[_Instance](), list[Card](), iter(cards)
     for card in source:
         if card.key == "INSTANCE":
-            instances.append(_Instance(card, _until("ENDINSTANCE", card, source)))
+            instances.append((card, _until("ENDINSTANCE", card, source)))
         elif card.key != "ENDINSTANCE":
             own.append(card)
     return instances, own

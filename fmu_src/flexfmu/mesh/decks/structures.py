@@ -188,22 +188,10 @@ def _eye(n: list[float]) -> CrossSection | None:
 
 # Numbers of a section, in words, and what they make.
 _SHAPES: dict[str, tuple[int, str, Callable[[list[float]], CrossSection | None]]] = {
-    "RECT": (
-        1,
-        "widths along the first and the second axis, or one for both",
-        lambda n: CrossSection(rectangle(*(n * 2)[:2])),
-    ),
-    "CIRC": (
-        1,
-        "radius (two are CalculiX's thicknesses)",
-        lambda n: CrossSection(ellipse(*(n[:2] if n[1:] else [2.0 * n[0]] * 2))),
-    ),
-    "PIPE": (2, "outer radius and wall", lambda n: CrossSection(pipe(*n[:2]))),
-    "BOX": (
-        6,
-        "both widths and four walls, opposite ones alike",
-        lambda n: CrossSection(box(*n[:4])) if n[2:4] == n[4:6] else None,
-    ),
+    "RECT": (1, "widths along the first and the second axis, or one for both", lambda n: rectangle(*(n * 2)[:2])),
+    "CIRC": (1, "radius (two are CalculiX's thicknesses)", lambda n: ellipse(*(n[:2] if n[1:] else [2.0 * n[0]] * 2))),
+    "PIPE": (2, "outer radius and wall", lambda n: pipe(*n[:2])),
+    "BOX": (6, "both widths and four walls, opposite ones alike", lambda n: box(*n[:4]) if n[2:4] == n[4:6] else None),
     "I": (7, "place of the node over the bottom, height, two widths of flanges, two thicknesses, web", _eye),
     "L": (4, "two widths and their thicknesses", _ell),
     "GENERAL": (5, "A, I11, I12, I22, J", _general),

@@ -167,10 +167,11 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     pinned = node_cards.joints(model, points, row)
     bulk = node_cards.Bulk(model, path, units, points, row, turning, turning | solid, notes)
     on_body, references = node_cards.spiders(bulk)
-    node_sets |= on_body | node_cards.single_point_sets(model, notes)
+    held, hinges = node_cards.single_point_sets(model, notes)
+    node_sets |= on_body | held
     found: dict[str, Any] = {"references": references, "equations": pinned + node_cards.multi_point_rows(bulk)}
     found |= {"links": node_cards.rigid_links(model, row), "springs": springs(bulk)}
-    found |= {"masses": node_cards.point_masses(bulk), "hinges": node_cards.hinges(model)}
+    found |= {"masses": node_cards.point_masses(bulk), "hinges": hinges}
     shells, faces = shell_cards.faces_of_shells(model, path, notes)
     place = dict(zip(labels.tolist(), points, strict=True))
     found |= {"shells": shells, "faces": faces, "axes": shell_cards.directions(model, place, path)}

@@ -17,11 +17,11 @@ PROPERTIES = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": (
 CARDS = (*PROPERTIES, "CONROD")
 # First axis y, up in the pictures of the manuals, second z, to the right.
 _SHAPES: dict[str, Callable[..., CrossSection]] = {
-    "ROD": lambda r: CrossSection(beams.ellipse(2.0 * r, 2.0 * r)),
-    "TUBE": lambda outer, inner: CrossSection(beams.pipe(outer, outer - inner)),
-    "TUBE2": lambda outer, wall: CrossSection(beams.pipe(outer, wall)),
-    "BAR": lambda width, height: CrossSection(beams.rectangle(height, width)),
-    "BOX": lambda width, height, flange, side: CrossSection(beams.box(height, width, flange, side)),
+    "ROD": lambda r: beams.ellipse(2.0 * r, 2.0 * r),
+    "TUBE": lambda outer, inner: beams.pipe(outer, outer - inner),
+    "TUBE2": lambda outer, wall: beams.pipe(outer, wall),
+    "BAR": lambda width, height: beams.rectangle(height, width),
+    "BOX": lambda width, height, flange, side: beams.box(height, width, flange, side),
     "I": lambda height, low, high, web, below, above: i_section(height, (low, high), (below, above), web).transposed,
     "I1": lambda over, web, inside, height: (
         i_section(height, (over + web,) * 2, (0.5 * (height - inside),) * 2, web).transposed
@@ -121,7 +121,7 @@ def _section(given: Any, title: str, model: Any) -> tuple[CrossSection, tuple[fl
         section = CrossSection((given.A, given.i1, given.i2, given.j, *_sheared(given, given.A)), given.i12)
     elif given.type == "PTUBE":
         outer = _constant(np.array([[given.OD1], [given.OD2]]), title).item()
-        area, _, _, torsion, *_ = beams.pipe(0.5 * outer, given.t or 0.5 * outer)
+        area, _, _, torsion, *_ = beams.pipe(0.5 * outer, given.t or 0.5 * outer).constants
         section = CrossSection((area, 0.0, 0.0, torsion, inf, inf))
     else:
         section = CrossSection((given.A, 0.0, 0.0, given.j, inf, inf))

@@ -249,44 +249,37 @@ def _chosen_set(model: Any, path: Path, notes: list[str]) -> list[int]:
     return [int(one) for card in model.mpcadds[number] for one in card.mpc_ids] if number in model.mpcadds else [number]
 
 
-def single_point_sets(model: Any, notes: list[str]) -> dict[str, list[int]]:
-    """Return the nodes of single-point constraints; grid points' own constraints count as set 0.
+def single_point_sets(model: Any, notes: list[str]) -> tuple[dict[str, list[int]], set[str]]:
+    """Return the nodes of single-point constraints, and the names of those sets that hold no rotation.
 
-    Those of a rigid RBE2 are among them where its reference is held in all directions.
+    Grid points' own constraints count as set 0. Nodes of a rigid RBE2 are among them where its reference is held in all
+    directions.
 
     Parameters
     ----------
     model : pyNastran.bdf.bdf.BDF
     notes : list of str
-        Gets a word on each.
+        Get a line on each.
 
     Returns
     -------
-    dict of str to list of int
-        Grid points, by "SPC n".
+    sets : dict of str to list of int
+    hinges : set of str
     """
     sets: dict[str, list[int]] = {}
     rigid = {at: of for number, (of, at) in spider_ends(model).items() if holds_rigid(model.rigid_elements[number])}
-    for number, cards in model.spcs.items():
-        for card in cards:
-            nodes, whole = getattr(card, "nodes", ()), set("".join(map(str, getattr(card, "components", "")))) >= _ALL
-            carried = [one for at in nodes if whole for one in rigid.get(at, ())]
-            sets.setdefault(f"SPC {number}", []).extend([*nodes, *carried])
+    held = {"SPC 0": set("".join(str(grid.ps) for grid in model.nodes.values()))}
+    for name, card in ((f"SPC {number}", card) for number, cards in model.spcs.items() for card in cards):
+        nodes, own = getattr(card, "nodes", ()), set("".join(map(str, getattr(card, "components", ""))))
+        held.setdefault(name, set()).update(own)
+        carried = [one for at in nodes if own >= _ALL for one in rigid.get(at, ())]
+        sets.setdefault(name, []).extend([*nodes, *carried])
     sets["SPC 0"] = [label for label, grid in model.nodes.items() if set(str(grid.ps)) & set(_TRANSLATIONS)]
+    hinges = {name for name, directions in held.items() if not directions & set(_ROTATIONS)}
     for name in (one for one in sets if sets[one]):
-        hinge = " and no others, so that ends of beams may turn" if name in hinges(model) else ""
+        hinge = " and no others, so that ends of beams may turn" if name in hinges else ""
         notes.append(f"{name} is a node set and holds nothing by itself: give a [[support]] of its nodes{hinge}")
-    return sets
-
-
-def hinges(model: Any) -> set[str]:
-    """Names of the sets of `single_point_sets` that hold no rotation."""
-    found = {f"SPC {k}" for k in model.spcs} | {"SPC 0"}
-    for number, cards in model.spcs.items():
-        if any(set(_ROTATIONS) & set("".join(map(str, getattr(one, "components", "")))) for one in cards):
-            found.discard(f"SPC {number}")
-    own = "".join(str(grid.ps) for grid in model.nodes.values())
-    return found - {"SPC 0"} if set(_ROTATIONS) & set(own) else found
+    return sets, hinges
 
 
 def unit_of_mass(model: Any) -> float:

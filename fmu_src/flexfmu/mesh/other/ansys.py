@@ -257,10 +257,10 @@ def _materials(text: list[str], path: Path, units: UnitSystem) -> tuple[tuple[Ma
 _SIDES = {"": (-0.5, 0.5), "MID": (-0.5, 0.5), "TOP": (-1.0, 0.0), "BOT": (0.0, 1.0)}
 # Numbers of a beam's section, and what they make: the first axis is the element's y, the second its z.
 _SHAPES: dict[str, tuple[int, Callable[[list[float]], CrossSection | None]]] = {
-    "RECT": (2, lambda n: CrossSection(rectangle(*n[:2]))),
-    "CSOLID": (1, lambda n: CrossSection(ellipse(2.0 * n[0], 2.0 * n[0]))),
-    "CTUBE": (2, lambda n: CrossSection(pipe(n[1], n[1] - n[0]))),
-    "HREC": (6, lambda n: CrossSection(box(n[0], n[1], n[2], n[4])) if n[2:6:2] == n[3:6:2] else None),
+    "RECT": (2, lambda n: rectangle(*n[:2])),
+    "CSOLID": (1, lambda n: ellipse(2.0 * n[0], 2.0 * n[0])),
+    "CTUBE": (2, lambda n: pipe(n[1], n[1] - n[0])),
+    "HREC": (6, lambda n: box(n[0], n[1], n[2], n[4]) if n[2:6:2] == n[3:6:2] else None),
     "I": (6, lambda n: i_section(n[2], (n[0], n[1]), (n[3], n[4]), n[5])),
     "L": (4, lambda n: l_section(*n[:4])),
 }

@@ -4,17 +4,30 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from ...files.basics import MOST_FRAMES, MOST_MODES, MOST_STEPS, FlexfmuError
 from ...files.tables import Kind
-from ...files.toml_files import Name, Positive, Table, ascending, different, read_toml, validated
+from ...files.toml_files import Name, NotNegative, Positive, Share, Table, ascending, different, read_toml, validated
 from ...model.methods import Mass, Method
 
 Modes = Annotated[int, Field(ge=1, le=MOST_MODES)]
 Frames = Annotated[int, Field(ge=1, le=MOST_FRAMES)]
 Numbers = Annotated[list[Positive], Field(min_length=1)]
 Results = Annotated[Path | None, Field(strict=False)]
+
+
+_BAND = ascending("[lowest, highest] in Hz; the lowest may be 0")
+Accepted = Annotated[Share, Field(gt=0.0, lt=1.0)]
+
+
+def _some(loads: dict[str, float]) -> dict[str, float]:
+    if not any(loads.values()):
+        raise ValueError("all loads are zero, expected at least one that is not")
+    return loads
+
+
+SomeLoads = Annotated[dict[str, float], AfterValidator(_some)]
 
 
 class SceneError(FlexfmuError):
@@ -51,7 +64,7 @@ class StaticTable(Table):
     """
 
     name: Name
-    loads: dict[str, float] = Field(min_length=1, examples=[{"tip.force.y": 1000.0}])
+    loads: SomeLoads = Field(examples=[{"tip.force.y": 1000.0}])
     factors: Annotated[Numbers, ascending("parts of the loads, such as [0.25, 0.5, 1.0]")] = [0.5, 1.0]
     results: Results = None
     results_seconds: Positive | None = None
@@ -61,13 +74,6 @@ class StaticTable(Table):
         if self.results_seconds is not None and self.results is None:
             raise ValueError("results_seconds is the time that results took to find: give results as well")
         return self
-
-    @field_validator("loads")
-    @classmethod
-    def _some_load(cls, value: dict[str, float]) -> dict[str, float]:
-        if not any(value.values()):
-            raise ValueError("all loads are zero, expected at least one that is not")
-        return value
 
 
 class TransientTable(Table):
@@ -93,27 +99,17 @@ class TransientTable(Table):
     """
 
     name: Name
-    loads: dict[str, float] | str = Field(examples=[{"tip.force.y": 1000.0}])
+    loads: SomeLoads | str = Field(examples=[{"tip.force.y": 1000.0}])
     duration: Positive | None = None
     step: Positive = Field(examples=[1e-3])
-    frequencies: list[float] | None = None
+    frequencies: Annotated[list[NotNegative], Field(min_length=2, max_length=2), _BAND] | None = None
     results: Results = None
     seconds_per_second: Positive | None = None
 
-    @field_validator("frequencies")
-    @classmethod
-    def _band(cls, value: list[float] | None) -> list[float] | None:
-        if value is not None and (len(value) != 2 or value[0] < 0.0 or value[1] <= value[0]):
-            raise ValueError(f"is {value}, expected [lowest, highest] in Hz; the lowest may be 0")
-        return value
-
     @model_validator(mode="after")
     def _consistent(self) -> "TransientTable":
-        if isinstance(self.loads, dict):
-            if not any(self.loads.values()):
-                raise ValueError("all loads are zero, expected at least one that is not")
-            if self.duration is None:
-                raise ValueError("a sudden load needs a duration (s); only a table of loads has an end of its own")
+        if isinstance(self.loads, dict) and self.duration is None:
+            raise ValueError("a sudden load needs a duration (s); only a table of loads has an end of its own")
         if self.duration is not None:
             if self.duration < 2.0 * self.step:
                 raise ValueError(f"a duration of {self.duration} s has no two steps of {self.step} s")
@@ -154,18 +150,10 @@ class AcceptedTable(Table):
         Error that is accepted in any case, m and rad.
     """
 
-    displacement: Positive
+    displacement: Accepted
     displacement_absolute: float = Field(default=0.0, ge=0.0)
-    rotation: Positive | None = None
+    rotation: Accepted | None = None
     rotation_absolute: float = Field(default=0.0, ge=0.0)
-
-    @field_validator("displacement", "rotation")
-    @classmethod
-    def _share(cls, value: float | None) -> float | None:
-        if value is not None and value >= 1.0:
-            percent = f"{value:g} % is {value / 100.0:g}"
-            raise ValueError(f"is {value:g}, expected a share of the motion below 1, such as 0.01; {percent}")
-        return value
 
 
 class ToleranceTable(Table):

@@ -169,16 +169,22 @@ def _by_fine_model(scene: Scene, report: Reporter, store: Store) -> dict[str, Re
 
     loads = [part for case in cases for part in (case.peak.packed(True), np.array(case.factors))]
     kept = store.arrays(_key(fine, "scene static", levels, *loads), "reference equilibria", report, run)
-    doubt, accepted = float(kept["doubt"]), scene.file.tolerance.static.displacement
-    report.note(f"the model to compare with is off by {100.0 * doubt:.2g} % in the static cases, by its own estimate")
-    if doubt > _DOUBTFUL * accepted:
-        why = f"the model to compare with may be off by {100.0 * doubt:.2g} % in the static cases"
-        report.warning(f"{why}, where {100.0 * accepted:g} % are accepted: take --verify, or bring results")
+    doubt, accepted = float(kept["doubt"]), scene.file.tolerance.static
+    _tell_doubt("the model to compare with", doubt, accepted, "take --verify, or bring results", report)
     words = f"reduced model, frames = {levels}, second order, all static shapes"
     return {
         case.name: Reference(kept[str(number)][:, scene.read_index], words, doubt=doubt)
         for number, case in enumerate(cases)
     }
+
+
+def _tell_doubt(who: str, doubt: float, accepted: AcceptedTable, advice: str, report: Reporter) -> None:
+    """Say how far a model that others are compared with is off, and whether that is much beside what is accepted."""
+    found = f"{who} is off by {100.0 * doubt:.2g} % in the static cases"
+    if not math.isnan(doubt):
+        report.note(found)
+    if doubt > _DOUBTFUL * accepted.displacement:
+        report.warning(f"{found}, where {100.0 * accepted.displacement:g} % are accepted: {advice}")
 
 
 def _key(config: BodyFile, kind: str, *values: object) -> str:
@@ -213,15 +219,8 @@ def _tight_model(
     statics = [part for one in scene.static for part in (one.peak.packed(True), known[one.name].motion)]
     key = _key(tight, "scene transient", settings.frames, settings.tolerance, case.step, start, end, *statics)
     kept = store.arrays(key, f"reference motion under {case.name}", report, run)
-    doubt, accepted = float(kept["doubt"]), scene.file.tolerance.transient.displacement
-    if not math.isnan(doubt):
-        report.note(f"the reference model of {case.name} is off by {100.0 * doubt:.2g} % in the static cases")
-    if doubt > _DOUBTFUL * accepted:
-        report.warning(
-            f"{case.name}: the reference model itself is off by {100.0 * doubt:.2g} % in the static cases, where "
-            f"{100.0 * accepted:g} % are accepted over time: errors over time say little; give [reference] more modes "
-            "or frames, or bring results"
-        )
+    doubt, advice = float(kept["doubt"]), "give [reference] more modes or frames, or bring results"
+    _tell_doubt(f"the reference model of {case.name}", doubt, scene.file.tolerance.transient, advice, report)
     words = f"reduced model, {settings.modes} modes and static shapes, frames = {settings.frames}, mass {mass.value}"
     return Reference(kept["motion"][:, scene.read_index], words, doubt=doubt)
 
@@ -332,23 +331,19 @@ class _Worst:
 
     def look(self, kind: str, error: FloatArray, size: FloatArray, accepted: AcceptedTable, where: list[str]) -> None:
         """Take in errors (I,) of motions of sizes (I,)."""
-        limit = getattr(accepted, kind)
-        absolute = getattr(accepted, f"{kind}_absolute")
-        known = np.isfinite(size)
-        if not np.any(known) or np.max(size[known]) == 0.0:
+        limit, absolute = getattr(accepted, kind) or 0.0, getattr(accepted, f"{kind}_absolute")
+        known = np.flatnonzero(np.isfinite(size))
+        if not size[known].any():
             return
-        floor = _FLOOR * float(np.max(size[known]))
-        for k in np.flatnonzero(known):
-            of = max(float(size[k]), floor)
-            relative = float(error[k]) / of
+        of = np.maximum(size, _FLOOR * size[known].max())
+        for k in known.tolist():
             # Not `max`, which a value that is not a number confuses.
-            if not relative <= self.relative[kind]:
-                self.relative[kind], self.at[kind] = relative, where[k]
+            if not error[k] / of[k] <= self.relative[kind]:
+                self.relative[kind], self.at[kind] = float(error[k] / of[k]), where[k]
             if not error[k] <= self.absolute[kind]:
                 self.absolute[kind] = float(error[k])
-            if limit is None and absolute == 0.0:
-                continue
-            share = float(error[k]) / max((limit or 0.0) * of, absolute)
+            # Without either nothing is asked of this kind.
+            share = float(error[k] / max(limit * of[k], absolute)) if limit or absolute else 0.0
             if share > self.share:
                 self.share, self.share_at = share, f"{kind}, {where[k]}"
 
