@@ -67,13 +67,11 @@ class ConsoleReporter(Reporter):
     @contextmanager
     def stage(self, title: str) -> Iterator[None]:
         """Show `title` with a spinner, then with the time it took if that was long."""
-        start = self._clock()
-        with self._line(title, None):
+        with self.counted(title, None):
             yield
-        self._done(title, start)
 
     @contextmanager
-    def counted(self, title: str, total: float, unit: str = "") -> Iterator[Tell]:
+    def counted(self, title: str, total: float | None, unit: str = "") -> Iterator[Tell]:
         """Show `title` with a bar, how much of `total` is done and the time left, then with the time it took."""
         start = said = self._clock()
         pause = _REFRESH if self._console.is_terminal else _PAUSE
@@ -85,7 +83,7 @@ class ConsoleReporter(Reporter):
             now = self._clock()
             if now - said >= pause:
                 said = now
-                self._show(line, done, progress_words(done, total, unit, now - start))
+                self._show(line, done, progress_words(done, total or 0.0, unit, now - start))
 
         with self._line(title, total) as line:
             yield tell

@@ -11,13 +11,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from ..files.basics import MOST_VALUES, FloatArray, SimulationError, StoppedError, keeping_partial, own_version
 from ..files.outputs import SILENT, Reporter, Tell, check_target, ends_on_interrupt, picture_html, whole_file
 from ..files.tables import write_table
+from ..fmu.description import as_file
 from ..fmu.runtime import own_log
 from .config import CouplingFile, ExperimentTable, Scheme, read_coupling_file
 from .layout import Description, Wiring, read_description
@@ -365,8 +366,8 @@ def write_ssp(file: Path, path: Path, report: Reporter) -> None:
     for fmu in coupling.fmu:
         sources.setdefault(fmu.file.resolve(), f"resources/{fmu.name}.fmu")
     files = {
-        "SystemStructure.ssd": _xml(_structure(path.stem, coupling, sources, described, inputs, outputs)),
-        "resources/start.ssv": _xml(_start(coupling, described)),
+        "SystemStructure.ssd": as_file(_structure(path.stem, coupling, sources, described, inputs, outputs)),
+        "resources/start.ssv": as_file(_start(coupling, described)),
         **{source: file.read_bytes() for file, source in sources.items()},
         **{f"extra/{fmu.name}.csv": fmu.input.read_bytes() for fmu in coupling.fmu if fmu.input is not None},
     }
@@ -467,8 +468,3 @@ def _start(coupling: CouplingFile, described: dict[str, Description]) -> Element
             entry = "Integer" if kind == "Enumeration" else kind
             SubElement(SubElement(table, "ssv:Parameter", name=f"{fmu.name}.{name}"), f"ssv:{entry}", value=str(text))
     return root
-
-
-def _xml(root: Element) -> bytes:
-    indent(root)
-    return bytes(tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"

@@ -279,24 +279,19 @@ class EndResponse:
 
     Attributes
     ----------
-    moved, loaded : str
-        Interfaces of the same FMU, "fmu.interface".
+    end : int
+        That both are, of those that springs hold.
     role : int
     references : (36,) int
         Value references of motion by loads held over a step, row by row.
-    motion, rates : (6,) int
-        Signals: displacement and rotation, velocity and angular velocity.
-    loads : (6,) int
-        Driven inputs: force and moment.
+    places : (18,) int
+        Signals: displacement and rotation, velocity and angular velocity; driven inputs: force and moment.
     """
 
-    moved: str
-    loaded: str
+    end: int
     role: int
     references: tuple[int, ...]
-    motion: IntArray
-    rates: IntArray
-    loads: IntArray
+    places: IntArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -204,7 +204,6 @@ def wired(w: Wiring, step: float, arrays: Arrays) -> Any:
     """
     ends, springs, tables, responses = w.ends, w.springs, w.tables, w.responses
     to, source = np.nonzero(w.matrix)
-    number = {name: end for end, name in enumerate(ends.names)}
     alike = ("base", "coupled", "kind", "input_role", "signal_role", "nominal")
     return arrays.filled(
         _KINDS["Wiring"],
@@ -229,8 +228,8 @@ def wired(w: Wiring, step: float, arrays: Arrays) -> Any:
         end_rates=ends.rates,
         end_loads=ends.loads,
         response_role=[r.role for r in responses],
-        response_end=[number.get(r.moved, -1) if r.moved == r.loaded else -1 for r in responses],
-        response_places=[(*r.motion, *r.rates, *r.loads) for r in responses],
+        response_end=[r.end for r in responses],
+        response_places=[r.places for r in responses],
     )
 
 

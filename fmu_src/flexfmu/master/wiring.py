@@ -118,11 +118,15 @@ def lay_ends(ends: tuple[str, ...], descriptions: Described, input_place: Places
     return layout.Ends(ends, roles, *signals, places(input_place, _LOADS))
 
 
-def lay_responses(descriptions: Described, fed_place: Places, signal_place: Places) -> tuple[layout.EndResponse, ...]:
+def lay_responses(
+    ends: tuple[str, ...], descriptions: Described, fed_place: Places, signal_place: Places
+) -> tuple[layout.EndResponse, ...]:
     """Compliance that FMUs offer of interfaces whose motion the coupling reads to those that it loads.
 
     Parameters
     ----------
+    ends : tuple of str
+        Interfaces that springs hold.
     descriptions : mapping of str to Description
     fed_place, signal_place : mapping of (str, str) to int
         Places of FMUs' variables: inputs that connections or springs feed, and signals.
@@ -141,14 +145,14 @@ def lay_responses(descriptions: Described, fed_place: Places, signal_place: Plac
             there = descriptions[fmu].variables
             if fmu == other_fmu and all(name in there and there[name].type == "Real" for name in names):
                 references = tuple(int(there[name].valueReference) for name in names)
-                motion, rates = _places(signal_place, a, _MOTION), _places(signal_place, a, _RATES)
-                loads = _places(fed_place, b, _LOADS)
-                found.append(layout.EndResponse(a, b, order.index(fmu), references, motion, rates, loads))
+                places = _places(signal_place, a, (*_MOTION, *_RATES)), _places(fed_place, b, _LOADS)
+                end = ends.index(a) if a == b and a in ends else -1
+                found.append(layout.EndResponse(end, order.index(fmu), references, np.concatenate(places)))
     return tuple(found)
 
 
 def _places(place: Places, text: str, quantities: Sequence[str]) -> IntArray:
-    """Places (6,) of the components of two vectors of an interface."""
+    """Places of the components of vectors of an interface."""
     fmu, _, interface = text.partition(".")
     names = [f"{interface}.{quantity}.{axis}" for quantity in quantities for axis in AXES]
     return np.array([place.get((fmu, name), -1) for name in names], dtype=np.int64)
@@ -243,7 +247,7 @@ def wire(coupling: CouplingFile) -> layout.Wiring:
         tables=tuple(_fed(rows, [input_place[fmu, n] for n in names]) for fmu, (names, rows) in tables.items()),
         springs=lay_springs(coupling.spring, ends),
         ends=laid_ends,
-        responses=lay_responses(descriptions, fed_place, signal_place),
+        responses=lay_responses(ends, descriptions, fed_place, signal_place),
         recorded=_recorded(coupling.output.variables, descriptions),
         nominal=np.array([descriptions[fmu].nominal(name) for fmu, name in signal_place]),
     )

@@ -1,7 +1,6 @@
 """Couplings and rigid bodies of a deck: node sets with a reference point, which serve as interfaces or are rigid."""
 
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from flexfmu.mesh.equations import RigidLink, Row
 # Cards that say how the coupling above them holds its nodes.
 _KINDS = ("KINEMATIC", "DISTRIBUTING")
 COUPLINGS = ("COUPLING", "KINEMATICCOUPLING", "DISTRIBUTINGCOUPLING", "RIGIDBODY", *_KINDS)
-"""Keys of the cards that a `CouplingTable` takes."""
+"""Keys of the cards that `resolved` takes."""
 
 
 class Coupling(NamedTuple):
@@ -45,75 +44,60 @@ class Coupling(NamedTuple):
     card: Card
 
 
-@dataclass(slots=True)
-class CouplingTable:
-    """The coupling cards read so far, each with that which says how it holds its nodes, itself or one below."""
+def resolved(cards: Sequence[Card], deck: Deck, surfaces: Mapping[str, DeckSurface]) -> tuple[Coupling, ...]:
+    """Return the couplings.
 
-    cards: list[tuple[Card, Card]] = field(default_factory=list)
+    Parameters
+    ----------
+    cards : sequence of Card
+        Of `COUPLINGS`, in their order: those that say how a coupling holds its nodes come below it.
+    deck : Deck
+    surfaces : mapping of str to DeckSurface
 
-    def add(self, card: Card) -> None:
-        """Take a card.
+    Returns
+    -------
+    tuple of Coupling
 
-        Parameters
-        ----------
-        card : Card
-
-        Raises
-        ------
-        DeckError
-            *KINEMATIC or *DISTRIBUTING without the *COUPLING that it belongs to.
-        """
+    Raises
+    ------
+    DeckError
+        A name is unknown, a reference node is not one, or two couplings share it and one of them is not rigid.
+    """
+    found, node_sets = list[Coupling](), deck.node_sets
+    pairs: list[tuple[Card, Card]] = []
+    for card in cards:
         if card.key not in _KINDS:
-            self.cards.append((card, card))
-        elif self.cards and self.cards[-1][0].key == "COUPLING":
-            self.cards[-1] = (self.cards[-1][0], card)
+            pairs.append((card, card))
+        elif pairs and pairs[-1][0].key == "COUPLING":
+            pairs[-1] = (pairs[-1][0], card)
         else:
             raise card.line.error(f"*{card.keyword} stands below no *COUPLING; put it below the one it belongs to")
-
-    def resolved(self, deck: Deck, surfaces: Mapping[str, DeckSurface]) -> tuple[Coupling, ...]:
-        """Return the couplings.
-
-        Parameters
-        ----------
-        deck : Deck
-        surfaces : mapping of str to DeckSurface
-
-        Returns
-        -------
-        tuple of Coupling
-
-        Raises
-        ------
-        DeckError
-            A set, surface or reference node is missing, or couplings that are not rigid have the same reference node.
-        """
-        found, node_sets = list[Coupling](), deck.node_sets
-        turning = deck.turning if self.cards else set()
-        for place, (card, holding) in enumerate(self.cards, start=1):
-            # Its reference is the node of an element DCOUP3D.
-            by_element = card.key == "DISTRIBUTINGCOUPLING"
-            entry = card.required("ELSET" if by_element else "REFNODE")
-            rows = deck.elements.nodes_of(deck.members(card)) if by_element else _found(entry, card, deck)
-            if len(rows) != 1:
-                raise card.line.error(f"{entry} names {len(rows)} reference nodes, expected one")
-            (reference,) = rows
-            held = _axes(holding)
-            rigid = held >= {1, 2, 3}
-            known = next((other for other in found if other.reference == reference), None)
-            if known is not None and not (rigid and known.rigid):
-                raise card.line.error(
-                    f"the reference node {entry} is that of *{known.card.keyword} in line {known.card.line.number} "
-                    "too, and one of them lets its nodes deform: not supported; give them nodes of their own"
-                )
-            alone = [node_sets.spelling[name] for name, members in node_sets.members.items() if members == {reference}]
-            given = card.parameters.get("CONSTRAINTNAME", "")
-            names = [*([card.scope.qualified(given)] if given else []), *alone] or [f"{card.keyword} {place}"]
-            nodes = _near(card, np.setdiff1d(_nodes(card, deck, surfaces), [reference]), reference, deck)
-            told = _told(card, holding, held, turning.intersection(nodes.tolist()))
-            turns = card.parameters.get("ROTNODE", "")
-            about = min(_found(turns, card, deck)) if turns else -1
-            found.append(Coupling(tuple(dict.fromkeys(names)), nodes, reference, rigid, about, told, card))
-        return tuple(found)
+    turning = deck.turning if cards else set()
+    for place, (card, holding) in enumerate(pairs, start=1):
+        # Its reference is the node of an element DCOUP3D.
+        by_element = card.key == "DISTRIBUTINGCOUPLING"
+        entry = card.required("ELSET" if by_element else "REFNODE")
+        rows = deck.elements.nodes_of(deck.members(card)) if by_element else _found(entry, card, deck)
+        if len(rows) != 1:
+            raise card.line.error(f"{entry} names {len(rows)} reference nodes, expected one")
+        (reference,) = rows
+        held = _axes(holding)
+        rigid = held >= {1, 2, 3}
+        known = next((other for other in found if other.reference == reference), None)
+        if known is not None and not (rigid and known.rigid):
+            raise card.line.error(
+                f"the reference node {entry} is that of *{known.card.keyword} in line {known.card.line.number} "
+                "too, and one of them lets its nodes deform: not supported; give them nodes of their own"
+            )
+        alone = [node_sets.spelling[name] for name, members in node_sets.members.items() if members == {reference}]
+        given = card.parameters.get("CONSTRAINTNAME", "")
+        names = [*([card.scope.qualified(given)] if given else []), *alone] or [f"{card.keyword} {place}"]
+        nodes = _near(card, np.setdiff1d(_nodes(card, deck, surfaces), [reference]), reference, deck)
+        told = _told(card, holding, held, turning.intersection(nodes.tolist()))
+        turns = card.parameters.get("ROTNODE", "")
+        about = min(_found(turns, card, deck)) if turns else -1
+        found.append(Coupling(tuple(dict.fromkeys(names)), nodes, reference, rigid, about, told, card))
+    return tuple(found)
 
 
 def _found(entry: str, card: Card, deck: Deck) -> set[int]:

@@ -13,7 +13,7 @@ from flexfmu.mesh.decks import structures
 from flexfmu.mesh.decks.assembly import Assembly
 from flexfmu.mesh.decks.attached import MASSES, SPRINGS, Carriers, deck_springs, point_masses
 from flexfmu.mesh.decks.cards import Card, read_cards
-from flexfmu.mesh.decks.couplings import COUPLINGS, CouplingTable, offered
+from flexfmu.mesh.decks.couplings import COUPLINGS, offered, resolved
 from flexfmu.mesh.decks.equations import TieTable, equations, held_by_steps, hold, inclined
 from flexfmu.mesh.decks.geometry import Elements, ElementTable, NodeTable
 from flexfmu.mesh.decks.keywords import HARMLESS, HONOURED, PARAMETERS, SECTIONS, UNUSED, unused
@@ -105,7 +105,7 @@ def _mesh(content: "_Content", deck: Deck) -> tuple[Mesh, BoolArray]:
         content.notes.append(f"{len(rows)} inclined supports of *TRANSFORM are equations: boundary = false leaves them")
     used = {row for block in blocks for row in block.connectivity.ravel().tolist()}
     rows += _equations(content, deck, surfaces, points, axes, used | {*np.nonzero(fixed)[0].tolist()})
-    couplings = content.couplings.resolved(deck, own)
+    couplings = resolved(content.couplings, deck, own)
     turning = {row for block in blocks if block.type.beam for row in block.connectivity.ravel().tolist()}
     carriers = Carriers(deck, points * units.length, fixed, used | _tied(rows, fixed), turning, couplings)
     heavy, soft = ([card for key in keys for card in content.cards[key]] for keys in (MASSES, SPRINGS))
@@ -145,7 +145,7 @@ class _Content:
     nodes: NodeTable = field(default_factory=NodeTable)
     elements: ElementTable = field(default_factory=ElementTable)
     sets: list[tuple[Card, list[int]]] = field(default_factory=list)
-    couplings: CouplingTable = field(default_factory=CouplingTable)
+    couplings: list[Card] = field(default_factory=list)
     structures: list[Card] = field(default_factory=list)
     cards: dict[str, list[Card]] = field(default_factory=lambda: defaultdict(list))
     reach: float = 0.0
@@ -214,7 +214,7 @@ class _Content:
             of_material[card.key](card)
             self.cards[card.key].append(card)
         elif card.key in COUPLINGS:
-            self.couplings.add(card)
+            self.couplings.append(card)
         else:
             self.cards[card.key].append(card)
 
