@@ -169,7 +169,7 @@ class Bench:
         except StoppedError as stopped:
             refused, result = str(stopped), stopped.result
         error = self._error(np.stack([result[name] for name in axes], axis=1), result, growth, shapes, source)
-        found = verdict(error, bool(heard.words), bool(refused), TOLERANCE).value
+        found = verdict(error, bool(heard.words), bool(refused), TOLERANCE)
         kappa = self._kappa(mass, stiffness, step)
         words = (refused or heard.words).replace("\n", " ")
         return {"verdict": found, "error": f"{error:.4g}", "kappa": f"{kappa:.4g}", "words": words}

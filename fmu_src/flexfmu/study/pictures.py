@@ -23,7 +23,7 @@ from ..files.figures import BLACK, BLUE, GREEN, ORANGE, PINK, SKY, VERMILION, YE
 from ..model.methods import Method
 from .candidates import short
 from .front import QUANTITIES, Axis, bodies, recommended, tolerance
-from .records import RUNS, VERDICTS, Record, Run, Verdict
+from .records import RUNS, VERDICTS, Record, Run
 from .scene.config import SceneError
 
 COLOURS = {
@@ -279,11 +279,11 @@ def _mark(axis: Any, low: float, high: float) -> None:
 # Errors are shades, which grey and colour-blind eyes keep apart; verdicts are frames and hatches.
 _SHADES = LinearSegmentedColormap.from_list("errors", ["#f1f6fb", "#c6dcef", "#5b9bcb", "#0b4c8c"])
 _SCALE = LogNorm(1e-3, 1.0, clip=True)
-_LOOKS: dict[Verdict, dict[str, object]] = {
-    Verdict.RIGHT: {"edgecolor": "white", "linewidth": 0.8},
-    Verdict.WARNED: {"edgecolor": ORANGE, "linewidth": 1.8},
-    Verdict.REFUSED: {"edgecolor": "white", "facecolor": "#b0b0b0", "hatch": "////", "linewidth": 0.8},
-    Verdict.SILENT: {"edgecolor": VERMILION, "hatch": "xx", "linewidth": 1.8},
+_LOOKS: dict[str, dict[str, object]] = {
+    "right": {"edgecolor": "white", "linewidth": 0.8},
+    "warned": {"edgecolor": ORANGE, "linewidth": 1.8},
+    "refused": {"edgecolor": "white", "facecolor": "#b0b0b0", "hatch": "////", "linewidth": 0.8},
+    "silent": {"edgecolor": VERMILION, "hatch": "xx", "linewidth": 1.8},
 }
 # From here on a shade is so dark that its number is white.
 _DARK = 0.6
@@ -329,7 +329,7 @@ def map_figure(records: Path) -> Figure:
     bar = figure.colorbar(ScalarMappable(_SCALE, _SHADES), ax=grid, pad=0.02, fraction=0.03, aspect=30, extend="both")
     bar.set_ticks([0.001, 0.01, 0.1, 1.0], labels=["0.1 %", "1 %", "10 %", "100 %"], fontsize="x-small")
     bar.set_label("error", fontsize="small")
-    handles = [Patch(**{"facecolor": "#e3eef8", **_LOOKS[one]}, label=VERDICTS[one]) for one in Verdict]  # type: ignore[arg-type]
+    handles = [Patch(**{"facecolor": "#e3eef8", **_LOOKS[one]}, label=words) for one, words in VERDICTS.items()]  # type: ignore[arg-type]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize="small", frameon=False)
     figure.suptitle(f"{rows[0].body}; numbers are errors in %, –: no equilibrium to compare with", fontsize="medium")
     return figure
@@ -339,12 +339,12 @@ def _draw_case(panel: Axes, rows: Sequence[Run]) -> None:
     across = sorted({run.factor for run in rows}, key=float)
     up = list(dict.fromkeys(run.model for run in rows))[::-1]
     for run in rows:
-        x, y, found = across.index(run.factor), up.index(run.model), Verdict(run.verdict)
+        x, y, found = across.index(run.factor), up.index(run.model), run.verdict
         known = math.isfinite(run.error)
         look = {"facecolor": _SHADES(_SCALE(run.error)) if known else "white", **_LOOKS[found]}
-        order = 2.0 if found in (Verdict.WARNED, Verdict.SILENT) else 1.0
+        order = 2.0 if found in ("warned", "silent") else 1.0
         panel.add_patch(Rectangle((x + 0.04, y + 0.05), 0.92, 0.9, zorder=order, **look))  # type: ignore[arg-type]
-        if found is not Verdict.REFUSED:
+        if found != "refused":
             colour = "white" if known and _SCALE(run.error) > _DARK else "black"
             words = percent_words(run.error) if known else "–"
             panel.text(x + 0.5, y + 0.5, words, ha="center", va="center", fontsize=7, color=colour, zorder=3.0)

@@ -10,7 +10,6 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import Field, dataclass, fields
-from enum import Enum
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -318,26 +317,13 @@ transient_rotation_rad, transient_at, share, limited_by
 RECORDS = Layout(Record)
 
 
-class Verdict(Enum):
-    """What came of a run."""
-
-    RIGHT = "right"
-    """Within the tolerance, and nothing said."""
-    WARNED = "warned"
-    """The FMU warned; right or wrong."""
-    REFUSED = "refused"
-    """The FMU stopped."""
-    SILENT = "silent"
-    """Beyond the tolerance, and nothing said."""
-
-
 VERDICTS = {
-    Verdict.RIGHT: "within the tolerance, no warning",
-    Verdict.WARNED: "warned",
-    Verdict.REFUSED: "refused",
-    Verdict.SILENT: "wrong in silence",
+    "right": "within the tolerance, no warning",
+    "warned": "warned",
+    "refused": "refused",
+    "silent": "wrong in silence",
 }
-"""Verdicts in words."""
+"""What came of a run, in words: a run that is warned of may be right or wrong; one that is refused, the FMU stopped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,7 +337,7 @@ class Run:
     case, factor, model : str
         Static case of the scene, factor of its loads, frames and method.
     verdict : str
-        "right", "warned", "refused" or "silent".
+        One of `VERDICTS`.
     error : float
         Relative displacement of the interfaces; not a number where nothing is known to compare with.
     seconds : float
@@ -376,7 +362,7 @@ class Run:
         return self.case, self.factor, self.model
 
 
-def verdict(error: float, warned: bool, refused: bool, tolerance: float) -> Verdict:
+def verdict(error: float, warned: bool, refused: bool, tolerance: float) -> str:
     """What to call a run.
 
     Parameters
@@ -388,13 +374,14 @@ def verdict(error: float, warned: bool, refused: bool, tolerance: float) -> Verd
 
     Returns
     -------
-    Verdict
+    str
+        One of `VERDICTS`.
     """
     if refused:
-        return Verdict.REFUSED
+        return "refused"
     if warned:
-        return Verdict.WARNED
-    return Verdict.RIGHT if error <= tolerance else Verdict.SILENT
+        return "warned"
+    return "right" if error <= tolerance else "silent"
 
 
 RUNS = Layout(Run)

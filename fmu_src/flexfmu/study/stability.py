@@ -29,7 +29,7 @@ from ..model.variants import lean
 from ..program.compile import programs, with_guid
 from ..program.variable_table import ERROR, STATUS_CODE, variable_table
 from .candidates import Candidate, Reduction, has_meaning, linear_frames, reduction_config
-from .records import RUNS, VERDICTS, RecordFile, Run, Verdict, verdict
+from .records import RUNS, VERDICTS, RecordFile, Run, verdict
 from .scene.config import BasisChoice, SceneError
 from .scene.reference import by_default
 from .scene.scene import Scene
@@ -155,8 +155,8 @@ def map_stability(scene: Scene, records: Path, report: Reporter, store: Store, c
                 if run.key not in kept:
                     kept.append(run)
             tell(done)
-    counts = Counter(Verdict(run.verdict) for run in kept.rows)
-    return ", ".join(f"{counts[one]} {VERDICTS[one]}" for one in Verdict)
+    counts = Counter(run.verdict for run in kept.rows)
+    return ", ".join(f"{counts[one]} {words}" for one, words in VERDICTS.items())
 
 
 def mapped_models(scene: Scene) -> list[Candidate | None]:
@@ -222,7 +222,7 @@ def _run(workshop: Workshop, mapped: Candidate | None, truth: Truth) -> list[Run
             if not slave.refused and expected is not None:
                 moved = slave.motion()[scene.read_index, 0]
                 error = float(np.linalg.norm(moved - expected) / np.linalg.norm(expected))
-            name = verdict(error, slave.warned, slave.refused, scene.file.stability.tolerance).value
+            name = verdict(error, slave.warned, slave.refused, scene.file.stability.tolerance)
             if blank.model == ESTIMATE and not slave.refused:
                 error = slave.real(ERROR)
             run = replace(blank, verdict=name, error=error, words=slave.words)
