@@ -11,7 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from ..files.basics import MOST_FRAMES, BodyFileError
 from ..files.tables import Kind
 from ..files.toml_files import Name, Table, different, read_toml, validated
-from ..model.methods import ASKED_BY, Data, Mass, Method, Variant, conflict, has_frames, needs
+from ..model.methods import Data, Mass, Method, Variant, conflict, has_frames, needs
 from ..reduction import options as plain
 from . import tables
 from .tables import OF_MESH, PlaceTable
@@ -247,7 +247,7 @@ class BodySpec(Table):
         variant = self.variant
         for data in sorted(needs(variant.method, variant.mass) - self.stored, key=lambda one: one.value):
             words = variant.words if data is Data.INERTIA else variant.method.value
-            found = f'method "{words}" needs {ASKED_BY[data]}, and [reduction] says otherwise'
+            found = f'method "{words}" needs {data.key}, and [reduction] says otherwise'
             raise ValueError(f"{found}: take that key out")
         if has_frames(variant.method) and self.frames == 0 and not self.free:
             found = f'method "{variant.method.value}" needs frames, and frames is 0'

@@ -69,21 +69,15 @@ _Choice = TypeVar("_Choice", Method, Mass)
 
 
 class Data(Enum):
-    """What a body holds for some methods only; the values are attributes of `ReducedBody`."""
+    """What a body holds for some methods only: attribute of `ReducedBody`, key of `[reduction]` that asks for it."""
 
-    BY_LOAD = "stiffness_by_load"
-    BY_MODE = "stiffness_by_mode"
-    INERTIA = "inertia"
-    SECOND_ORDER = "second"
+    BY_LOAD = "stiffness_by_load", 'geometric_stiffness = ["by_load"]'
+    BY_MODE = "stiffness_by_mode", 'geometric_stiffness = ["by_mode"]'
+    INERTIA = "inertia", "inertia = true"
+    SECOND_ORDER = "second", "second_order = true"
 
-
-ASKED_BY = {
-    Data.BY_LOAD: 'geometric_stiffness = ["by_load"]',
-    Data.BY_MODE: 'geometric_stiffness = ["by_mode"]',
-    Data.INERTIA: "inertia = true",
-    Data.SECOND_ORDER: "second_order = true",
-}
-"""The key of `[reduction]` that stores data whatever the method is."""
+    def __init__(self, attribute: str, key: str):
+        self.attribute, self.key = attribute, key
 
 
 @dataclass(frozen=True, slots=True)

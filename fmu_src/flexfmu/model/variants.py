@@ -18,7 +18,7 @@ import numpy as np
 from ..files.basics import FloatArray, OptionError
 from .arrays import ARRAYS, turned
 from .inertia import without_frames
-from .methods import ASKED_BY, Data, FrameLayout, Mass, Method, Variant, has_frames, masses_of, named, needs, recipe_of
+from .methods import Data, FrameLayout, Mass, Method, Variant, has_frames, masses_of, named, needs, recipe_of
 from .reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, Surface
 from .rotations import from_ground, skew
 
@@ -68,8 +68,8 @@ def missing(body: ReducedBody, method: Method, mass: Mass = Mass.CONSTANT) -> st
     """
     layout = recipe_of(method).layout
     for data in Data:
-        if data in needs(method, mass) and getattr(body, data.value) is None:
-            return f"{ASKED_BY[data]} in [reduction]"
+        if data in needs(method, mass) and getattr(body, data.attribute) is None:
+            return f"{data.key} in [reduction]"
     if mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
         return "the polynomial, which bodies from a mesh hold that are in one piece, and held or free to turn"
     if has_frames(method) and not body.frame_count:
@@ -95,7 +95,7 @@ def offered_variants(body: ReducedBody) -> tuple[Variant, ...]:
 def lean(body: ReducedBody, variant: Variant) -> ReducedBody:
     """The body for a method alone, without data that only others need."""
     needed = needs(variant.method, variant.mass)
-    unneeded: dict[str, Any] = {data.value: None for data in set(Data) - needed}
+    unneeded: dict[str, Any] = {data.attribute: None for data in set(Data) - needed}
     if Data.SECOND_ORDER not in needed:
         unneeded["membrane"] = None
     return replace(body, method=variant.method, mass=variant.mass, **unneeded)
