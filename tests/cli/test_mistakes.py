@@ -19,8 +19,8 @@ from flexfmu.files.basics import FlexfmuError, LoadError
 from flexfmu.fmu.simulation import _tell_passed_over
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
-from flexfmu.study.workshop import Heard
 from meshes import BAR, box, write_deck
+from scene_tools import Listening
 
 SCENE = '[[static]]\nname = "bend"\nloads = { "tip.force.y" = 100.0 }\n'
 COUPLING = """
@@ -468,7 +468,7 @@ def test_text_in_utf_16_is_named_as_such(name, arguments, sound, tmp_path, monke
 
 def test_a_ramp_and_a_wave_that_steps_follow_are_no_alarm():
     time = np.linspace(0.0, 1.0, 1001)
-    report = Heard()
+    report = Listening()
     loads = np.column_stack([time, np.sin(20.0 * time), np.minimum(time / 0.0015, 1.0)])
     _tell_passed_over(["wave", "jump"], loads, np.linspace(0.0, 1.0, 101), report)
     # A jump has a communication point of its own.

@@ -228,7 +228,7 @@ def test_each_method_needs_just_the_data_that_it_is_said_to_need(beam):
             states = [one.step(one.rest(), loads, 1e-3) for one in (given, found)]
             np.testing.assert_array_equal(states[0].q, states[1].q)
             for data in needs(method, mass):
-                assert missing(dataclasses.replace(slim, **{data.value: None}), method, mass) is not None
+                assert missing(dataclasses.replace(slim, **{data.attribute: None}), method, mass) is not None
 
 
 def test_names_will_do_for_methods_and_masses(beam):

@@ -204,6 +204,16 @@ _EQUILIBRIA = 3
 _ABOVE, _MOST = 1.05, 0.98
 
 
+class _Notes(Reporter):
+    """Keeps notes."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+
 @dataclass(frozen=True, slots=True)
 class Built:
     """A reduced body.
@@ -423,7 +433,6 @@ def build(config: BodyFile, store: Store) -> Built:
     -------
     Built
     """
-    report, notes, start = Reporter(), list[str](), time.perf_counter()
-    report.note = notes.append  # type: ignore[assignment, method-assign]
-    body = reduce_body(config, report, store)
-    return Built(body, time.perf_counter() - start, any(REUSED in note for note in notes))
+    heard, start = _Notes(), time.perf_counter()
+    body = reduce_body(config, heard, store)
+    return Built(body, time.perf_counter() - start, any(REUSED in note for note in heard.notes))
