@@ -231,15 +231,15 @@ double body_spin(Body *body, const double *q, const double *v) {
     return norm(spin, 3) / body->p->omega[body->p->rigid];
 }
 
-/* Largest linear displacement of an interface by elastic coordinates (m), squared. */
-static double linear_reach(const Program *p, const double *q) {
-    const int64_t r = p->rigid;
+/* Largest linear displacement of an interface by elastic coordinates, or rotation, squared. */
+static double linear_reach(const Program *p, int kind, const double *q) {
+    const int64_t r = p->rigid, first = kind == BY_TURN ? 3 * p->interfaces : 0;
     double most = 0.0;
     if (all_zero(q, p->modes)) return most;
     for (int64_t i = 0; i < p->interfaces; i++) {
         double square = 0.0;
         for (int c = 0; c < 3; c++) {
-            const double moved = dot(p->load_operator + (3 * i + c) * p->modes + r, q + r, p->modes - r);
+            const double moved = dot(p->load_operator + (first + 3 * i + c) * p->modes + r, q + r, p->modes - r);
             square += moved * moved;
         }
         most = fmax(most, square);
@@ -248,9 +248,9 @@ static double linear_reach(const Program *p, const double *q) {
 }
 
 /* The same of where rates carry the undeformed body from there, with `ahead` (m) to work in. */
-static double carried_reach(const Program *p, const double *v, double *ahead) {
+static double carried_reach(const Program *p, int kind, const double *v, double *ahead) {
     for (int64_t j = p->rigid; j < p->modes; j++) ahead[j] = v[j] / p->omega[j];
-    return linear_reach(p, ahead);
+    return linear_reach(p, kind, ahead);
 }
 
 /* Deflection over the size of the body below which no motion matters. */
@@ -313,9 +313,9 @@ void body_astray(Body *body, const StepEnd *end, double *drift, const double *as
         follow_drift(body, end, drift, drift + m, drift + 2 * m);
     const double *off[CAUSES] = {drift, astray}, beyond[CAUSES] = {p->inertial ? BEYOND : 1.0, BEYOND}, least = UNSEEN * p->body_size[0];
     so_far->time += end->step;
-    if (!end->zero) so_far->moved += end->step * fmax(linear_reach(p, end->q), carried_reach(p, end->v, ahead));
+    if (!end->zero) so_far->moved += end->step * fmax(linear_reach(p, BY_SHIFT, end->q), carried_reach(p, BY_SHIFT, end->v, ahead));
     for (int k = 0; k < CAUSES; k++) {
-        if (!end->zero) so_far->off[k] += end->step * linear_reach(p, off[k]);
+        if (!end->zero) so_far->off[k] += end->step * linear_reach(p, BY_SHIFT, off[k]);
         if (isfinite(so_far->off[k]) && so_far->off[k] > 0.0)
             so_far->error[k] = beyond[k] * sqrt(so_far->off[k] / fmax(so_far->moved, least * least * so_far->time));
     }
@@ -324,18 +324,24 @@ void body_astray(Body *body, const StepEnd *end, double *drift, const double *as
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far) {
     const Program *p = body->p;
     const int64_t m = p->modes, count = p->interfaces;
-    double mixed = 0.0;
+    const double size = p->body_size[0];
+    double mixed[WAYS] = {0.0}, moved[WAYS];
     if (!p->mixed) return;
     so_far->time += end->step;
     for (int64_t i = 0; i < p->mixed; i++) {
-        const double off = p->mixed_reach[i] * end->v[p->mixed_mode[i]] * fmin(1.0, p->mixed_drift[i] * so_far->time);
-        mixed += off * off;
+        const double rate = end->v[p->mixed_mode[i]] * fmin(1.0, p->mixed_drift[i] * so_far->time);
+        for (int k = 0; k < WAYS; k++) {
+            const double off = p->mixed_reach[k * p->mixed + i] * rate;
+            mixed[k] += off * off;
+        }
     }
-    if (mixed == 0.0 && end->step > 0.0) return;
-    so_far->mixed = fmax(so_far->mixed, mixed);
-    so_far->moved = fmax(so_far->moved, linear_reach(p, end->q));
-    /* A body that has just been pushed is on its way: to where its rates carry it, and to where the loads would hold it. */
-    double moved = fmax(so_far->moved, carried_reach(p, end->v, ahead));
+    if (mixed[BY_SHIFT] == 0.0 && mixed[BY_TURN] == 0.0 && end->step > 0.0) return;
+    for (int k = 0; k < WAYS; k++) {
+        so_far->mixed[k] = fmax(so_far->mixed[k], mixed[k]);
+        so_far->moved[k] = fmax(so_far->moved[k], linear_reach(p, k, end->q));
+        /* A body that has just been pushed is on its way: to where its rates carry it, and to where the loads would hold it. */
+        moved[k] = fmax(so_far->moved[k], carried_reach(p, k, end->v, ahead));
+    }
     memset(ahead, 0, (size_t)m * sizeof(double));
     for (int64_t i = 0; i < count; i++) {
         add_rows(end->inputs + 6 * i, p->load_operator + 3 * i * m, ahead, 3, m);
@@ -343,8 +349,12 @@ void body_truncation(const Body *body, const StepEnd *end, double *ahead, Trunca
     }
     if (p->loads > 6 * count) add_rows(end->inputs + 6 * count, p->inertia_operator, ahead, 3, m);
     for (int64_t j = p->rigid; j < m; j++) ahead[j] /= p->omega[j] * p->omega[j];
-    moved = fmax(fmax(moved, linear_reach(p, ahead)), UNSEEN * UNSEEN * p->body_size[0] * p->body_size[0]);
-    if (moved > 0.0) so_far->error = sqrt(so_far->mixed / moved);
+    for (int k = 0; k < WAYS; k++) moved[k] = fmax(moved[k], linear_reach(p, k, ahead));
+    moved[BY_SHIFT] = fmax(moved[BY_SHIFT], UNSEEN * UNSEEN * size * size);
+    /* Of turns half counts, over the largest, or over the deflection by the size. */
+    moved[BY_TURN] = 4.0 * fmax(moved[BY_TURN], moved[BY_SHIFT] / (size * size));
+    if (moved[BY_SHIFT] > 0.0)
+        so_far->error = sqrt(fmax(so_far->mixed[BY_SHIFT] / moved[BY_SHIFT], so_far->mixed[BY_TURN] / moved[BY_TURN]));
 }
 
 /* Share of a moment below which the model hardly feels it, near full turns: what it is cannot be told from the motion. */

@@ -40,11 +40,12 @@ enum { BY_MASS, BY_STEPS, CAUSES };
 typedef struct {
     double time, moved, off[CAUSES], error[CAUSES];
 } Astray;
-/* How far modes that are no vibrations of the finite element model have moved interfaces out of phase: seconds so far, the largest
- * square of that, m2, and of linear displacements of interfaces; the error of the motion that follows. `ahead` is workspace
- * of m numbers. */
+/* How far modes that are no vibrations of the finite element model have moved and turned interfaces out of phase: seconds so far,
+ * the largest squares of both, and of linear displacements and rotations of interfaces; the error of the motion that follows.
+ * `ahead` is workspace of m numbers. */
+enum { BY_SHIFT, BY_TURN, WAYS };
 typedef struct {
-    double time, mixed, moved, error;
+    double time, mixed[WAYS], moved[WAYS], error;
 } Truncation;
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far);
 /* Whether the mass of steps leaves nothing out. */

@@ -128,14 +128,14 @@ def _put_modes(draft: Draft, body: ReducedBody) -> None:
 
 
 def _put_mixed(draft: Draft, body: ReducedBody) -> None:
-    """Modes that are no vibrations of the finite element model, and how far they move an interface."""
+    """Modes that are no vibrations of the finite element model, and how far they move and turn an interface."""
     spread = np.zeros(body.mode_count) if body.frequency_spread is None else body.frequency_spread
     mixed = np.flatnonzero(spread * body.angular_frequency)
-    reach = np.linalg.norm(body.interface_displacement[:, :, mixed], axis=1).max(axis=0, initial=0.0)
+    moved = np.stack([body.interface_displacement, body.interface_rotation])[..., mixed]
     draft.sizes |= {"mixed": mixed.size}
     draft.arrays |= {
         "mixed_mode": mixed,
-        "mixed_reach": reach / body.angular_frequency[mixed],
+        "mixed_reach": np.linalg.norm(moved, axis=2).max(axis=1, initial=0.0) / body.angular_frequency[mixed],
         "mixed_drift": 0.5 * spread[mixed] * body.angular_frequency[mixed],
     }
 
