@@ -69,8 +69,8 @@ def test_what_is_told_is_how_far_the_motion_is_off_that_of_many_modes(tmp_path, 
 
 @pytest.mark.slow
 def test_one_of_these_motions_is_wrong_and_another_right(tmp_path, frames):
-    assert told(tmp_path, frames(1), COURSES["a blow"], 400)[1] > 0.03
-    assert told(tmp_path, frames(1), lambda number: 40.0 * min(number / 600, 1.0), 700)[1] < 0.002
+    assert told(tmp_path, frames(3), COURSES["a blow"], 400)[1] > 0.03
+    assert told(tmp_path, frames(3), COURSES["slow"], 400)[1] < 0.001
 
 
 @pytest.mark.slow
