@@ -262,6 +262,16 @@ def test_a_bow_knows_what_it_misses_under_a_moment_amidst():
     assert model.error(state, loads).displacement == pytest.approx(off, rel=0.1)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("load", [(0.0, 1e5, 0.0), (0.0, 0.0, 0.0, 2e4, 0.0, 0.0)], ids=["force", "moment"])
+def test_a_cut_body_knows_the_third_order_of_its_parts(load):
+    """Joints load the parts, too: without that a portal bent out of its plane told 0.45 of its error, turned 0.06."""
+    body = portal(tables={"cut": "auto"})
+    model, loads = body.build(surface=False), {"corner": load}
+    state = model.static(loads)
+    assert model.error(state, loads).relative == pytest.approx(true_error(body, model, state, loads), rel=0.1)
+
+
 def sag(moved):
     """How far the middle is from between both ends, of displacements (3, 3 or more)."""
     return moved[1, 2] - 0.5 * (moved[0, 2] + moved[2, 2])
@@ -541,7 +551,8 @@ def test_squares_of_few_coordinates_go_by_these_alone_and_tell_the_same(built, m
     extent, rows, more, again = told()
     assert (extent, rows) == (count, 0)
     assert numbers < 0.7 * more
-    np.testing.assert_allclose([found.relative, found.bound], [again.relative, again.bound], rtol=1e-5)
+    # A hundred-thousandth of each square is left out, by round-off one way or another.
+    np.testing.assert_allclose([found.relative, found.bound], [again.relative, again.bound], rtol=3e-5)
 
 
 @pytest.mark.slow

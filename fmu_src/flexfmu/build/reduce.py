@@ -22,15 +22,16 @@ from ..mesh.formats import file_origin, read_mesh
 from ..mesh.model import Mesh
 from ..model.methods import Data, Mass, Variant
 from ..model.modal_file import write_modal_file
-from ..model.reduced_body import Properties, ReducedBody, Shadow, Surface
+from ..model.reduced_body import Properties, ReducedBody, Surface
 from ..model.summary import NORMAL_MODES, first_frequency, missed_words, summary
 from ..model.variants import chosen
 from ..program.mass_polynomial import mass_polynomial
 from ..reduction.bodies import used_body
-from ..reduction.cut.parts import AGAINST_OPENED, Opened, chosen_cuts, reduced_parts, reduced_whole
+from ..reduction.cut.parts import AGAINST_OPENED, Joined, Opened, chosen_cuts, reduced_parts, reduced_whole
 from ..reduction.masses import body_properties
 from ..reduction.model import Model, assemble_model, needless
 from ..reduction.options import DEFAULT_FRAMES, BodyOptions, BodyUse, by_name, element_set, node_set, support_places
+from ..reduction.piece import Reduced
 from ..reduction.rigid_nodes import stretch_free
 from .config import BodyFile, BodySpec, read_body_file
 
@@ -194,41 +195,43 @@ def reduce_mesh(
     # Who asks for a mass has it.
     asked = config.formulation.mass is not None or config.reduction.inertia is False
     draft = Tentative(report)
-    whole, third = _with_mass(use, options, model, draft, store, asked)()
-    body = _cut_if_wrong(whole, use, others, draft, report, store)
-    if body is whole and third is not None:
-        body = replace(body, shadow=third())
-    body = body if prepared.options.certificate else replace(body, shadow=None)
+    whole = _with_mass(use, options, model, draft, store, asked)()
+    body, third = _cut_if_wrong(whole, use, others, draft, report, store)
+    shadow = replace(body.shadow, body=third()) if body.shadow is not None and prepared.options.certificate else None
+    body = replace(body, shadow=shadow)
     _tell(config, body, report)
     return body
 
 
+# A body with its shadow, and what makes one of that which knows the third order.
+_Certified = tuple[ReducedBody, Callable[[], ReducedBody]]
+
+
 def _cut_if_wrong(
-    body: ReducedBody, use: BodyUse, others: Sequence[Opened], draft: Tentative, report: Reporter, store: Store
-) -> ReducedBody:
+    whole: _Certified, use: BodyUse, others: Sequence[Opened], draft: Tentative, report: Reporter, store: Store
+) -> _Certified:
     """A body in one piece, or one of others that are cut if reference loads put it off, by its shadow, and them less.
 
     What the draft holds is said of the one that is taken.
     """
+    body = whole[0]
     off = float(max(apart(body, body.shadow, first=body))) if others else 0.0
-    taken, least, words = body, max(_CLEARLY * off, min(_WRONG, _BETTER * off)), f"{100.0 * off:.2g} % in one piece"
+    taken, least, words = whole, max(_CLEARLY * off, min(_WRONG, _BETTER * off)), f"{100.0 * off:.2g} % in one piece"
     for options, model in others if off > _WRONG else ():
-        found, _ = _reduced(use, options, model, again := Tentative(report), store)
+        found, third = _reduced(use, options, model, again := Tentative(report), store)[1]()
         left = float(max(apart(found, found.shadow, first=body)))
         words += f", {100.0 * left:.2g} % cut into {plural(found.frame_count, 'frame')}"
         if left < least:
             draft.release(holds=False)
-            taken, least, draft = found, left, again
+            taken, least, draft = (found, third), left, again
             if left < _WRONG:
                 break
     draft.release()
-    choice = 'it stays in one piece (cut = "auto" cuts it)' if taken is body else "it is cut (cut = [] leaves it whole)"
+    choice = "it is cut (cut = [] leaves it whole)"
+    if taken is whole:
+        choice = 'it stays in one piece (cut = "auto" cuts it)'
     report.tell([f"supports close a loop; reference loads put the body off by {words}: {choice}"] * bool(others))
     return taken
-
-
-# A body with its shadow, and what makes one of that which knows the third order.
-_Certified = tuple[ReducedBody, Callable[[], Shadow] | None]
 
 
 def _with_mass(
@@ -263,13 +266,14 @@ def _reduced(
     use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store
 ) -> tuple[ReducedBody, Callable[[], _Certified]]:
     """The body, with the polynomial of its mass where it has any; what makes it with the shadow that tells most."""
-    piece = None
+    made: Joined | Reduced
     if options.cuts:
-        body, _, fine = reduced_parts(options, model, report, store)
+        made = reduced_parts(options, model, report, store)
+        fine = made.fine
     else:
-        piece = reduced_whole(options, model, report, store)
-        body = piece.body
-        fine = [] if piece.fine is None else [(piece.fine, np.eye(piece.body.mode_count))]
+        made = reduced_whole(options, model, report, store)
+        fine = [] if made.fine is None else [(made.fine, np.eye(made.body.mode_count))]
+    body = made.body
     if fine:
         with report.stage("Find how mass changes as the body bends"):
             kept, key = model.mesh.kept, ("polynomial", *(id(part) for part, _ in fine))
@@ -280,14 +284,15 @@ def _reduced(
     body = used_body(body, use)
 
     def certified() -> _Certified:
-        if piece is None or not options.certificate:
-            return body, None
-        found = piece.certified()
+        if isinstance(made, Joined) or not options.certificate:
+            return body, made.third
+        found = made.certified()
         own = replace(body, shadow=found.body.shadow)
-        if found.opened is None or not differs_more(own, found.opened):
+        other = None if found.opened is None else found.opened.body.shadow
+        if found.opened is None or other is None or not differs_more(own, other):
             return own, found.third
         report.note(f"its frames turn apart where a loop through supports closes: {AGAINST_OPENED}")
-        return replace(own, shadow=found.opened), None
+        return replace(own, shadow=other), found.opened.third
 
     return body, certified
 

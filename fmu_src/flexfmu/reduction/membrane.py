@@ -24,7 +24,7 @@ from ..files.basics import FloatArray, IntArray, ModelError
 from ..files.outputs import Reporter
 from ..files.store import Store, content_key
 from ..model.inertia import Membrane
-from ..model.reduced_body import ReducedBody, Shadow
+from ..model.reduced_body import ReducedBody
 from .basis import TENSE, TURNING, Matrices
 from .fourth_order import STIFF, FourthOrder, energy_shares, pair_products, turning_scale
 from .modes import Modes, balanced
@@ -342,15 +342,17 @@ def membrane_energy(
     return membrane
 
 
-def completed_shadow(stretching: Stretching, shadow: Shadow) -> Shadow:
-    """A shadow that has as energy what its places miss at third order."""
-    body, modes = shadow.body, shadow.body.mode_count
+def completed_body(stretching: Stretching, body: ReducedBody) -> ReducedBody:
+    """A body that has as energy what its places miss at third order, unless ties work on them, too."""
+    if body.ties is not None:
+        return body
+    modes = body.mode_count
     membrane = body.membrane or Membrane(np.zeros((0, modes, modes)), np.zeros((0, modes)), np.zeros(0))
     places = body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
     key = content_key(__name__, "third order", stretching.key, stretching.loads, membrane.quadratic, *places)
     find = partial(stretching.third_order, membrane, body)
     found = _kept(stretching.matrices, key, "what places miss at third order", find)
-    return replace(shadow, body=replace(body, membrane=found))
+    return replace(body, membrane=found)
 
 
 def _kept(matrices: Matrices, key: str, title: str, find: Callable[[], Membrane]) -> Membrane:

@@ -42,7 +42,7 @@ from .bodies import (
 )
 from .cut.cut import Spring, ground_springs
 from .masses import Centre, element_lumps, lumped_mass, mass_centres, sub_masses
-from .membrane import Stretching, completed_shadow, membrane_energy
+from .membrane import Stretching, completed_body, membrane_energy
 from .model import Model
 from .modes import Modes, frequency_spread
 from .options import BodyOptions, BodyUse, element_set
@@ -83,10 +83,10 @@ class Reduced:
         Its coordinates in the motions of another basis.
     certified : callable
         Makes the same with its shadow.
-    opened : Shadow, optional
-        Another shadow, with loops through supports opened.
-    third : callable, optional
-        Makes its shadow with the energy of what places miss at third order.
+    third : callable
+        Makes the body of its shadow, or its own while it has none, with the energy of what places miss at third order.
+    opened : Reduced, optional
+        The same with another shadow, that has loops through supports opened.
     """
 
     body: ReducedBody
@@ -96,8 +96,8 @@ class Reduced:
     shapes: FloatArray
     span: FloatArray
     certified: Callable[[], "Reduced"]
-    opened: Shadow | None = None
-    third: Callable[[], Shadow] | None = None
+    third: Callable[[], ReducedBody]
+    opened: "Reduced | None" = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,12 +178,13 @@ def reduced_piece(
             finer, finer_basis = _shadow(divided, basis, every, body.membrane is not None)
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
         found = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, own))
-        shadow = Shadow(finer, found)
-        stretching = finer_basis.stretching(divided)
-        third = None if finer.ties or cut else partial(completed_shadow, stretching, shadow)
-        return replace(piece, body=replace(body, shadow=shadow), shadow_work=warping.T @ shapes, third=third)
+        third = partial(completed_body, finer_basis.stretching(divided), finer)
+        return replace(
+            piece, body=replace(body, shadow=Shadow(finer, found)), shadow_work=warping.T @ shapes, third=third
+        )
 
-    piece = Reduced(body, work, work, fine, own, span, certified)
+    third = partial(completed_body, basis.stretching(divided), body)
+    piece = Reduced(body, work, work, fine, own, span, certified, third)
     return piece
 
 

@@ -151,7 +151,7 @@ def join_parts(
         surface=_surface(stack, modes, interfaces),
         ties=_ties(stack, welds, pull, turn, modes),
         second=_second_order(stack, welds, places, modes),
-        membrane=_membrane(stack, modes),
+        membrane=joined_membrane(parts, modes),
     )
     return body, modes, f"joints of {pull:.3g} N/m and {turn:.3g} N m"
 
@@ -279,10 +279,10 @@ def _second_order(
     return SecondOrder(of_whole("displacement"), of_whole("rotation"))
 
 
-def _membrane(stack: _Stack, modes: FloatArray) -> Membrane | None:
-    """Stretches of all parts, which have no shapes of their own."""
-    found = []
-    for p, part in enumerate(stack.parts):
+def joined_membrane(parts: Sequence[ReducedBody], modes: FloatArray) -> Membrane | None:
+    """Stretches of all parts, which have no shapes of their own, in modes (m, k) of all."""
+    found, stack = [], _Stack.of(parts)
+    for p, part in enumerate(parts):
         if part.membrane is not None:
             own = stack.own(p, modes)
             found.append((own.T @ part.membrane.quadratic @ own, part.membrane.sign))

@@ -1,7 +1,7 @@
 """Whether a body is cut; its parts, each reduced by itself, and all joined again (docs/theory.md, section 10)."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
 
@@ -24,7 +24,7 @@ from ..options import BodyOptions
 from ..piece import Reduced, reduced_piece
 from ..subdomains import mean_rotation
 from .cut import SIDES, Part, cut_at, cut_parts, interface_sets, on_section, part_configs, section_tractions, side_set
-from .joining import Weld, join_parts
+from .joining import Weld, join_parts, joined_membrane
 from .loops import LoopSection, inner_sections, loop_sections, support_groups
 
 # How much of the turning (mean square) frames of the parts have to take away to cut at once: a twist-beam axle has 9 to
@@ -211,9 +211,31 @@ def turning_taken(mesh: Mesh, fields: FloatArray, parts: Sequence[IntArray]) -> 
 _End = tuple[tuple[int, int], Sequence[FloatArray]]
 
 
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """Parts of a body, each reduced by itself and joined again.
+
+    Attributes
+    ----------
+    body : ReducedBody
+        Without damping, names and properties.
+    span : (m, k) float
+        Its coordinates in the motions of another basis.
+    fine : list of (ReducedBody, (m_p, m) float)
+        Held parts on finer trees, as of `Reduced`, and their coordinates in those of the body.
+    third : callable
+        As of `Reduced`.
+    """
+
+    body: ReducedBody
+    span: FloatArray
+    fine: list[tuple[ReducedBody, FloatArray]]
+    third: Callable[[], ReducedBody]
+
+
 def reduced_parts(
     config: BodyOptions, model: Model, report: Reporter, store: Store, spanned: FloatArray | None = None
-) -> tuple[ReducedBody, FloatArray, list[tuple[ReducedBody, FloatArray]]]:
+) -> Joined:
     """Reduce the parts of a body each by itself and join them again.
 
     Parameters
@@ -228,12 +250,7 @@ def reduced_parts(
 
     Returns
     -------
-    body : ReducedBody
-        Without damping, names and properties.
-    span : (m, k) float
-        Its coordinates in these motions.
-    fine : list of (ReducedBody, (m_p, m) float)
-        Held parts on finer trees, as of `Reduced`, and their coordinates in those of the body.
+    Joined
 
     Raises
     ------
@@ -260,7 +277,7 @@ def reduced_parts(
         bodies.append(replace(piece.body, frame_names=tuple(f"{begin}{name}" for name in piece.body.frame_names)))
     with report.stage(f"Join {len(parts)} parts"):
         pairs = [[ends[side_set(name, side)] for side in SIDES] for name in config.cuts]
-        body, turn, note = _joined(bodies, pairs, parts, [table.name for table in config.interfaces])
+        body, turn, finer, note = _joined(bodies, pairs, parts, [table.name for table in config.interfaces])
     first, last = body.angular_frequency[[0, -1]] / (2.0 * np.pi)
     report.detail(f"{body.mode_count} modes, {first:.4g} to {last:.4g} Hz; {note}")
     rows = np.split(turn, np.cumsum([part.mode_count for part in bodies])[:-1])
@@ -268,7 +285,12 @@ def reduced_parts(
         shapes = [one.shapes @ own for one, own in zip(pieces, rows, strict=True)]
         body = replace(body, frequency_spread=_spread(whole, parts, shapes, body.angular_frequency))
     fine = [(one.fine, own) for one, own in zip(pieces, rows, strict=True) if one.fine is not None]
-    return body, turn.T @ np.vstack([one.span for one in pieces]), fine
+    shadow = body.shadow.body if body.shadow is not None else body
+
+    def third() -> ReducedBody:
+        return replace(shadow, membrane=joined_membrane([one.third() for one in pieces], finer))
+
+    return Joined(body, turn.T @ np.vstack([one.span for one in pieces]), fine, third)
 
 
 def _ends(number: int, part: Part, piece: Reduced, widths: IntArray) -> dict[str, _End]:
@@ -342,29 +364,31 @@ def _certified(piece: Reduced, config: BodyOptions, model: Model, report: Report
     with report.stage(f"Reduce the body once more, {plural(len(cuts), 'loop')} opened, to know its error"):
         # Of so many frames as a body has that bends far, more tell nothing.
         finer = replace(finer_shadow(found, (1 if config.far else FINER) * found.levels), levels_asked=False)
-        other, span, _ = reduced_parts(finer, opened, Reporter(), store, piece.shapes)
+        other = reduced_parts(finer, opened, Reporter(), store, piece.shapes)
+    another = replace(piece, body=replace(piece.body, shadow=Shadow(other.body, other.span)), third=other.third)
     if not within:
-        return replace(piece, opened=Shadow(other, span))
+        return replace(piece, opened=another)
     report.note(f"{plural(len(cuts), 'loop')} within the body: {AGAINST_OPENED}")
-    return replace(piece, body=replace(piece.body, shadow=Shadow(other, span)))
+    return another
 
 
 def _joined(
     bodies: Sequence[ReducedBody], pairs: Sequence[Sequence[_End]], parts: Sequence[Part], kept: Sequence[str]
-) -> tuple[ReducedBody, FloatArray, str]:
-    """The parts joined at pairs of sections, and so their shadows; the turn of coordinates; a note of the joints."""
+) -> tuple[ReducedBody, FloatArray, FloatArray, str]:
+    """The parts joined at pairs of sections, and so their shadows; turns of both coordinates; a note of the joints."""
 
     def welds(which: int) -> list[Weld]:
         return [Weld(first, second, one[which], other[which]) for (first, one), (second, other) in pairs]
 
     loose = [np.array([spring.interface is not None for spring in part.springs], dtype=bool) for part in parts]
     body, turn, note = join_parts([replace(one, shadow=None) for one in bodies], welds(0), loose, kept)
+    finer_turn = turn
     shadows = [one.shadow for one in bodies if one.shadow is not None]
     if shadows:
         finer, finer_turn, _ = join_parts([one.body for one in shadows], welds(1), loose, kept)
         span = scipy.linalg.block_diag(*(one.embedding for one in shadows))
         body = replace(body, shadow=Shadow(finer, finer_turn.T @ span @ turn))
-    return body, turn, note
+    return body, turn, finer_turn, note
 
 
 def _unit_responses(config: BodyOptions, matrices: Matrices) -> FloatArray:
