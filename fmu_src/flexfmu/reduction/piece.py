@@ -178,10 +178,8 @@ def reduced_piece(
             finer, finer_basis = _shadow(divided, basis, every, body.membrane is not None)
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
         found = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, own))
-        third = partial(completed_body, finer_basis.stretching(divided), finer)
-        return replace(
-            piece, body=replace(body, shadow=Shadow(finer, found)), shadow_work=warping.T @ shapes, third=third
-        )
+        known, third = Shadow(finer, found), partial(completed_body, finer_basis.stretching(divided), finer)
+        return replace(piece, body=replace(body, shadow=known), shadow_work=warping.T @ shapes, third=third)
 
     third = partial(completed_body, basis.stretching(divided), body)
     piece = Reduced(body, work, work, fine, own, span, certified, third)
