@@ -89,7 +89,7 @@ def test_half_of_how_far_a_sudden_moment_s_turns_are_off_is_told(tmp_path, frame
     error = np.sqrt(np.mean(np.sum((own - many) ** 2, axis=1))) / np.linalg.norm(many, axis=1).max()
     driven = Driven(frames(6), tmp_path, **load)
     assert all(driven.taken(STEP) for _ in range(400))
-    assert driven.get(TOLD)[0] == pytest.approx(0.5 * error, rel=0.5)
+    assert driven.get(TOLD)[0] == pytest.approx(0.5 * error, rel=0.2)
 
 
 @pytest.mark.slow
