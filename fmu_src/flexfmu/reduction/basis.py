@@ -420,8 +420,8 @@ def _forces(matrices: Matrices, fields: FloatArray, energy: FloatArray) -> Float
 
 
 # Motions, of which stiffer ones bear far more stress than they will; shapes in all, and of each motion; the part of a
-# motion with a turn of 0.5 rad (rms) beyond which none counts. With eight in all a channel whose flanges had buckled was
-# 2.6 % off in silence.
+# motion with a turn of 0.5 rad (rms) beyond which none counts. With eight in all a channel whose flanges had buckled
+# was 2.6 % off in silence.
 _BENT, _BUCKLED, _EACH, _REACH = 3, 12, 6, 1.0
 # Of the iteration, whose shapes need not be exact: Krylov vectors, relative error.
 _VECTORS, _TOLERANCE, _SEED = 20, 1e-2, 20261122
