@@ -23,6 +23,8 @@ _MOST_AVERAGED = 2000
 _FLAT = 1e-9
 # Step of complex differences, and of central differences of these, over the size of a spring.
 _TINY, _SMALL = 1e-30, 3e-5
+# Parts of a motion around zero: the mean of its readings there over their cubes is the third order, to 1e-16.
+_AROUND = 0.1 * np.exp(0.125j * np.pi * np.arange(16))
 _ROUNDS = 60
 _Numbers = NDArray[Any]
 
@@ -70,8 +72,7 @@ class End:
 
     def at(self, z: _Numbers, turn: _Numbers, point: FloatArray) -> _Numbers:
         """Where the end carries a point (3,) of the undeformed body, (..., 3)."""
-        moved = z[..., :3] if self.nodes.size else 0.0
-        return self.mean + moved + turn @ (point - self.mean)
+        return self.mean + (z[..., :3] if self.nodes.size else 0.0) + turn @ (point - self.mean)
 
 
 class SpringReading:
@@ -108,9 +109,7 @@ class SpringReading:
         axes, spring = self.spring.axes, self.spring
         if spring.along is Along.LINE:
             way = a.at(own, turn, spring.places[0]) - b.at(other, carrier, spring.places[1])
-            found = np.zeros((*z.shape[:-1], 6), dtype=z.dtype)
-            found[..., 0] = np.sqrt((way**2).sum(axis=-1)) - self.length
-            return found
+            return (np.sqrt((way**2).sum(axis=-1, keepdims=True)) - self.length) * np.eye(6)[0]
         if spring.along is Along.FIXED:
             apart = spring.places[0] - spring.places[1]
             shift = a.at(own, turn, spring.places[0]) - b.at(other, carrier, spring.places[1]) - apart
@@ -211,6 +210,23 @@ class Bushings:
             root = np.sqrt(one.spring.stiffness)[:, None, None]
             found.append(root * (local.T @ one.bend(np.zeros(len(one.rows))) @ local))
         return np.concatenate(found) if found else np.zeros((0, shapes.shape[1], shapes.shape[1]))
+
+    def pulled(self, shapes: FloatArray) -> FloatArray:
+        """Nodal forces (3n, m, m) by what springs pull in displacements by shapes (3n, m) and how others turn that."""
+        found = np.zeros((self.size, shapes.shape[1], shapes.shape[1]))
+        for one, own in zip(self.readings, self.linear, strict=True):
+            z, pull = one.rows @ (u := shapes[one.columns]), one.spring.stiffness[:, None] * (own @ u)
+            np.add.at(found, one.columns, np.einsum("ra,rzb,zk->kab", pull, one.bend(0.0 * z[:, 0]) @ z, one.rows))
+        return found
+
+    def third(self, shapes: FloatArray, amplitudes: FloatArray) -> FloatArray:
+        """Work (k,) of what springs pull on what they read at third order, by shapes (3n, m) and amplitudes (m, k)."""
+        found = np.zeros(amplitudes.shape[1])
+        for one, own in zip(self.readings, self.linear, strict=True):
+            u = shapes[one.columns] @ amplitudes
+            third = np.einsum("p,pkr->rk", _AROUND**-3 / 16.0, one.values(np.multiply.outer(_AROUND, (one.rows @ u).T)))
+            found += (one.spring.stiffness[:, None] * (own @ u) * third.real).sum(axis=0)
+        return found
 
 
 def resisted(

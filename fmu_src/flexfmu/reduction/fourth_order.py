@@ -140,8 +140,7 @@ class FourthOrder:
         own = 0.5 * bushings.curvature(fields)[:, pairs[:, 0], pairs[:, 1]]
         forces, energies = forces + bushings.rows.T @ own, energies + own.T @ own
         work, answers = onto.T @ forces, self.matrices.supported.forces(forces)
-        released = self.released(answers, f"Static response to {count} stretches")
-        return 0.5 * (energies - released), work, answers
+        return 0.5 * (energies - self.released(answers, f"Static response to {count} stretches")), work, answers
 
     def third_order_work(
         self, fields: FloatArray, pairs: IntArray, basis: FloatArray, known: FloatArray, turning: FloatArray
@@ -154,10 +153,12 @@ class FourthOrder:
         Displacements of second order are left out as far as some (e, k) of its shapes know them.
         """
         model, (first, second) = self.matrices.supported, pairs.T
-        mesh = self.matrices.model.mesh
+        mesh, springs = self.matrices.model.mesh, self.matrices.model.bushings
         pulled = stressed_gradients(mesh, fields, np.zeros((len(fields), 1)), pairs[:1])[:, :, :-1] - turning
+        pulled += springs.pulled(fields)
         pulled = pulled[:, first, second] + (first < second) * pulled[:, second, first]
-        strained = (2.0 - (first == second)) * quadratic_strain(mesh, fields, pairs, tell_nobody)[0]
+        own = springs.rows.T @ (0.5 * springs.curvature(fields)[:, first, second])
+        strained = (2.0 - (first == second)) * (quadratic_strain(mesh, fields, pairs, tell_nobody)[0] + own)
         moved = model.whole(model.static(model.forces(np.hstack([strained, pulled]))))
         within = basis.T @ np.hstack([strained, pulled])
         moved[:, : len(pairs)] -= basis @ (known @ (known.T @ within[:, : len(pairs)]))
@@ -227,9 +228,8 @@ class FourthOrder:
             return np.zeros(2)
         pairs = np.repeat(np.arange(linear.size)[:, None], 2, axis=1)
         held = self.stretching(fields, pairs, fields)[0]
-        flat = self.flattening_forces(fields, pairs)
-        freed = 0.5 * self.released(flat, f"Static response to {linear.size} flattenings")
-        return np.array([np.max(np.diag(part) / linear) for part in (held, freed)])
+        freed = self.released(self.flattening_forces(fields, pairs), f"Static response to {linear.size} flattenings")
+        return np.array([np.max(np.diag(part) / linear) for part in (held, 0.5 * freed)])
 
 
 def pair_products(one: FloatArray, other: FloatArray) -> FloatArray:

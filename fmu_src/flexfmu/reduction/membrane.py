@@ -259,7 +259,8 @@ class Stretching:
         # Frames have no part in it.
         work = self.matrices.kept(content_key(__name__, self.key, fields, shapes, turning), "work of third order", find)
         every = np.concatenate([caused[:, 0], caused[:, 1]], axis=2)
-        forms, signs = missed_energy(body, q, every, len(size) - soft, sums, work, _NO_SQUARE * size.min() ** 2)
+        find, least = partial(self.matrices.model.bushings.third, fields), _NO_SQUARE * size.min() ** 2
+        forms, signs = missed_energy(body, q, every, len(size) - soft, sums, work, least, find)
         rows = np.zeros(q.shape)
         rows[:, self._elastic] = motions * self._omega / size[:, None]
         missed = rows.T @ forms @ rows
@@ -351,8 +352,7 @@ def completed_body(stretching: Stretching, body: ReducedBody) -> ReducedBody:
     places = body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
     key = content_key(__name__, "third order", stretching.key, stretching.loads, membrane.quadratic, *places)
     find = partial(stretching.third_order, membrane, body)
-    found = _kept(stretching.matrices, key, "what places miss at third order", find)
-    return replace(body, membrane=found)
+    return replace(body, membrane=_kept(stretching.matrices, key, "what places miss at third order", find))
 
 
 def _kept(matrices: Matrices, key: str, title: str, find: Callable[[], Membrane]) -> Membrane:

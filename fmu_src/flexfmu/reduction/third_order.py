@@ -4,7 +4,7 @@ A body's places are right to second order. What they miss at third order works o
 the coordinates. A shadow that has it as energy moves by what the body misses.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -121,7 +121,7 @@ def turning_forces(
 
 def missed_energy(
     body: ReducedBody, motions: FloatArray, loads: FloatArray, stiff: int, sums: Sequence[FloatArray], work: FloatArray,
-    least: float,
+    least: float, springs: Callable[[FloatArray], FloatArray],
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Quartic form by which the work of loads on the tree's places exceeds that on those of the finite element model.
 
@@ -140,6 +140,8 @@ def missed_energy(
         Of the loads on the model's displacements of third order, by pairs of motions, J.
     least : float
         Energy up to which a form is left out, J.
+    springs : callable
+        Takes amplitudes (r, k). Work (k,) of springs of the finite element model on what they read at third order, J.
 
     Returns
     -------
@@ -159,7 +161,7 @@ def missed_energy(
     q = amplitudes @ motions
     third, turned = third_order_motion(body, q), np.einsum("icm,km->kic", body.interface_rotation, q)
     third[..., 3:] -= fitted_rotation(turned, sums[0], np.tensordot(amplitudes, sums[1], 1))
-    energy = np.einsum("kr,rij,kij->k", amplitudes, loads, third, optimize=True)
+    energy = np.einsum("kr,rij,kij->k", amplitudes, loads, third, optimize=True) + springs(amplitudes.T)
     products, found = amplitudes[:, terms[once]].prod(axis=2), np.zeros(len(terms))
     found[once] = np.linalg.solve(products.T @ products, products.T @ (energy - ((pairs @ work) * pairs).sum(axis=1)))
     matrix = np.zeros(work.shape)
