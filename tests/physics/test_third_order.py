@@ -288,7 +288,11 @@ def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
     motions, loads = 1e-2 * random.standard_normal((3, reduced.mode_count)), random.standard_normal((3, 1, 6))
     work = np.diag(1e-6 * random.standard_normal(6))
     sums = [1e-2 * random.standard_normal((n, 1, 3, 3, 3)) for n in (1, 3)]
-    forms, signs = missed_energy(reduced, motions, loads, 0, sums, work, 0.0)
+
+    def springs(amplitudes):
+        return 1e-6 * amplitudes[0] * amplitudes[1] ** 2 * amplitudes[2]
+
+    forms, signs = missed_energy(reduced, motions, loads, 0, sums, work, 0.0, springs)
     amplitudes = random.standard_normal(3)
     pairs = np.outer(amplitudes, amplitudes)[np.triu_indices(3)]
     q = (amplitudes @ motions)[None]
@@ -297,7 +301,9 @@ def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
     third[3:] -= fitted_rotation((reduced.interface_rotation @ q[0])[None], sums[0], moved)[0, 0]
     found = signs @ np.einsum("kij,i,j->k", forms, amplitudes, amplitudes) ** 2
     assert set(signs) == {-1.0, 1.0}
-    assert found == pytest.approx((amplitudes @ loads[:, 0]) @ third - pairs @ work @ pairs, rel=1e-9)
+    assert found == pytest.approx(
+        (amplitudes @ loads[:, 0]) @ third - pairs @ work @ pairs + springs(amplitudes), rel=1e-9
+    )
     # Of a stiff motion the first power, however much its square would count.
     alone, small = amplitudes * [0.0, 1.0, 1.0], 1e-4 * amplitudes * [1.0, 0.0, 0.0]
 
@@ -305,7 +311,7 @@ def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
         return signs @ np.einsum("kij,i,j->k", forms, amplitudes, amplitudes) ** 2
 
     change = 0.5e4 * (energy(forms, signs, alone + small) - energy(forms, signs, alone - small))
-    once = missed_energy(reduced, motions, loads, 1, sums, work, 0.0)
+    once = missed_energy(reduced, motions, loads, 1, sums, work, 0.0, springs)
     assert energy(*once, amplitudes) == pytest.approx(energy(forms, signs, alone) + change, rel=1e-5)
     assert energy(*once, amplitudes) != pytest.approx(found, rel=1e-2)
 
