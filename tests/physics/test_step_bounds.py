@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bodies import COROTATED, LINEAR, Beam, beam_body, random_body, with_second_order
+from bodies import COROTATED, LINEAR, Beam, beam_body, random_body, with_polynomial, with_second_order
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.files.basics import EquilibriumError, OptionError, StepError
 from flexfmu.model.methods import Method
@@ -100,11 +100,23 @@ def test_a_large_body_gives_up_where_the_pace_of_a_step_is_too_slow(share, step)
     assert 0 < rounds < 0.7 * ORDINARY * 100
 
 
-def test_a_large_body_gives_up_where_many_tries_have_been_in_vain():
-    """It went on to the finest division."""
-    answer, substeps, _ = bent(large(14, 60.0), 2.0, 0.1)
+@pytest.mark.parametrize(("frames", "share", "step"), [(14, 2.0, 0.1), (10, 0.3, 0.05)])
+def test_a_large_body_gives_up_where_many_tries_have_been_in_vain(frames, share, step):
+    """It went on to the finest division; the second body's tries all come as far, in vain."""
+    answer, substeps, _ = bent(large(frames, 60.0), share, step)
     assert answer == "TOO_MUCH_WORK"
     assert substeps < 64
+
+
+def test_a_mass_polynomial_of_many_terms_counts_by_what_it_reads():
+    """It went on to the last of 700 rounds but for a few."""
+    model = with_polynomial(beam_body(2, modes=45), 1e-7)
+    terms = {name: np.repeat(getattr(model.polynomial, name), 40, axis=0) for name in ("form", "linear", "square")}
+    model = with_second_order(replace(model, polynomial=replace(model.polynomial, **terms)), 1e-9)
+    body = FlexibleBody(model, Method.SECOND_ORDER, "polynomial", limits=StepLimits(0.0, 1e-4, 140.0))
+    answer, _, rounds = bent(body, 1.0, 0.05)
+    assert answer == "TOO_MUCH_WORK"
+    assert 0 < rounds < 0.7 * ORDINARY * 140
 
 
 def test_statics_near_a_critical_load_end_within_the_bound():

@@ -12,8 +12,9 @@
 
 /* Rounds of the iteration in an internal step of ordinary cost, and multiply-adds of such a round. */
 static const double ORDINARY_ROUNDS = 5.0, ORDINARY_ROUND = 5e4;
-/* Numbers that a processor reads from far memory in the time of an internal step, where all that a call may take last a second. */
-static const double READ = 6e5;
+/* Numbers that a processor reads from far memory in the time of an internal step, where all that a call may take last two thirds
+ * of a second. */
+static const double READ = 4e5;
 /* Angle by which the slowest mode of a body with ties turns in an internal step at the most, rad: a step that resolves no
  * mode at all has no estimate of its error. */
 static const double RESOLVED = 1.5;
@@ -147,7 +148,8 @@ static double most_rounds(const Body *body) {
 static double doubtful_rounds(const Body *body) {
     const Program *p = body->p;
     const double m = (double)p->modes, joints = p->tied ? m * m * (1.0 + (double)p->pulls) : 0.0;
-    return READ * body->limits.most / fmax(1.0, (double)p->bends + (double)p->stretch_numbers + joints);
+    const double mass = p->inertial || p->turns ? 2.0 * (double)p->mass_forms * (m + 2.0 * (double)p->mass_pairs) : 0.0;
+    return READ * body->limits.most / fmax(1.0, (double)p->bends + (double)p->stretch_numbers + joints + mass);
 }
 
 /* Internal steps that a step has at least. */
@@ -175,7 +177,7 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
     if ((double)all.count > most) all.count = (int64_t)most;
     all.doubtful = (int64_t)fmin(doubtful_rounds(body), rounds - 1.0);
     int answer = UNSETTLED;
-    double vain = 0.0;
+    double vain = 0.0, farthest = 0.0;
     while ((double)all.count <= most && all.rounds < all.most_rounds && vain <= (double)all.doubtful) {
         all.before = all.rounds;
         all.step = step / (double)all.count;
@@ -187,8 +189,10 @@ static int divided_step(Body *body, const double *inputs, const double *inputs_e
         work->substeps = all.count;
         work->error = answer == INACCURATE ? all.worst : HUGE_VAL;
         if (answer == DONE) break;
-        /* The nearer a try has come to the end, the likelier is the next one to reach it. */
-        vain += (double)(all.rounds - all.before) * (1.0 - (double)all.reached / (double)all.count);
+        /* The nearer than those before a try has come to the end, the likelier is the next one to reach it. */
+        const double share = (double)all.reached / (double)all.count, nearer = fmax(0.0, share - farthest) / (1.0 - farthest);
+        vain += (double)(all.rounds - all.before) * (1.0 - nearer);
+        farthest = fmax(farthest, share);
         all.count *= 2;
         if (all.count >= SUSPECT && all.massless) return FLEX_BEYOND_MASS;
         if (all.count >= SUSPECT && beyond_reach(body, inputs, inputs_end, step, q, v)) return FLEX_NOT_CONVERGED;

@@ -33,15 +33,12 @@ void take_step(const Body *body, Arena *arena, Step *step) {
     step->astray = take(arena, 3 * m);
 }
 
-/* Share of the rounds left in which a try should end at its pace: most become slower. */
-static const double IN_TIME = 0.9;
-
 /* Whether the next internal step may begin. */
 static int may_go_on(const Substeps *all) {
     const double own = (double)(all->rounds - all->before);
     if (all->rounds >= all->most_rounds) return 0;
     if (all->rounds <= all->doubtful || all->reached == 0) return 1;
-    return (double)all->before + own * (double)all->count / (double)all->reached <= IN_TIME * (double)all->most_rounds;
+    return (double)all->before + own * (double)all->count / (double)all->reached <= (double)all->most_rounds;
 }
 
 int internal_steps(const Stepper *stepper, Step *step, Body *body, Substeps *all, double *q, double *v) {
