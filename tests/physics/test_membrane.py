@@ -22,9 +22,10 @@ from flexfmu.model.inertia import Membrane
 from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction import membrane
 from flexfmu.reduction.bodies import fit_interface
+from flexfmu.reduction.fourth_order import slices
 from flexfmu.reduction.membrane import _CLEAR, _FLAT, _LARGE, _NOTHING, _SHELL, Stretching
 from flexfmu.study.scene.reference import errors, references
-from meshes import bars, body_file, with_sets
+from meshes import bars, body_file, box, with_sets
 from references import BEAM, DEMO, L_FRAME, calculix, relative
 from scene_tools import scene_of
 
@@ -348,3 +349,13 @@ def test_of_many_coordinates_so_many_directions_are_paired_as_the_mesh_allows(co
     assert found.shape == (coordinates, expected)
     np.testing.assert_allclose(found.T @ found, np.eye(expected), atol=1e-12)
     np.testing.assert_allclose(found @ (found.T @ motions.T), motions.T, atol=1e-12)
+
+
+def test_elements_that_lie_on_each_other_are_sliced_with_their_neighbours():
+    """As sheets that are doubled: no distance parts their centres."""
+    mesh = box(ElementType.C3D20R, (16, 1, 1), (0.4, 0.01, 0.01))
+    block, root = mesh.blocks[0], np.flatnonzero(mesh.points[:, 0] < 1e-9)
+    double = replace(block, **{name: getattr(block, name)[:5] for name in ("labels", "connectivity", "material")})
+    found = slices(replace(mesh, blocks=[block, double]), root)
+    assert len(found) == len(slices(mesh, root)) == 16
+    assert max(np.ptp(mesh.points[one, 0]) for one in found) < 0.026

@@ -24,8 +24,9 @@ from .rigid_fit import rigid_motions
 
 # Slices between the supports and what is farthest from them: bending within one of them is none of the body's.
 _LEVELS = 32
-# Squared length over which distances are evened, over the mean area of a section.
-_EVEN = 4.0
+# Squared length over which distances are evened, over the mean area of a section; distance over the longest by which
+# elements are apart that lie on each other, as of doubled sheets.
+_EVEN, _APART = 4.0, 1e-5
 # As of a level's boundary: round-off must not decide.
 _DIGITS = 9
 # Residual at which evened distances are as exact as round-off lets them be, and iterations that are enough for it.
@@ -66,7 +67,7 @@ def _across(mesh: Mesh, link: sp.csr_array, distance: FloatArray, way: float) ->
     pairs = link.tocoo()
     centre = mesh.element_means(mesh.points)
     volume = mesh.volumes
-    flow = pairs.data / np.linalg.norm(centre[pairs.row] - centre[pairs.col], axis=1)
+    flow = pairs.data / np.maximum(np.linalg.norm(centre[pairs.row] - centre[pairs.col], axis=1), _APART * way)
     spread = sp.csr_array(sp.coo_array((-flow, (pairs.row, pairs.col)), shape=link.shape))
     spread = spread - sp.diags_array(np.asarray(spread.sum(axis=1)))
     # Differences within a section of the mean area fade to a fortieth, those along the body stay.
