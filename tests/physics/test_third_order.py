@@ -15,7 +15,7 @@ from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.inertia import Membrane
 from flexfmu.model.rotations import skew
-from flexfmu.reduction.basis import Matrices, third_order_loads
+from flexfmu.reduction.basis import Matrices, _buckled_shapes, third_order_loads
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.fourth_order import FourthOrder
 from flexfmu.reduction.model import assemble_model
@@ -27,7 +27,7 @@ from flexfmu.reduction.third_order import (
     third_order_motion,
     turning_forces,
 )
-from meshes import arc, body_file, box, grid, lattice
+from meshes import STEEL, arc, body_file, box, grid, lattice
 from references import relative
 
 KINDS = [ElementType.C3D20, ElementType.C3D10, ElementType.C3D8I]
@@ -103,6 +103,21 @@ def test_shapes_of_third_order_are_what_a_basis_of_few_modes_lacks(tmp_path):
     completed = with_residual_flexibility(model, modes, forces)
     assert completed.angular_frequency.size == modes.angular_frequency.size + 8
     np.testing.assert_allclose(lacked(completed), np.zeros((8, 8)), atol=1e-6)
+
+
+def test_shapes_of_buckling_are_those_of_a_strut(tmp_path):
+    """Clamped at one end: π²EI/4l² about either axis, nine times as much for the next shape; none in tension."""
+    long, wide, high = 1.0, 0.03, 0.02
+    matrices, loads = matrices_and_loads(box(ElementType.C3D20R, (16, 1, 1), (long, wide, high)), tmp_path)
+    model = matrices.supported
+    first = np.pi**2 * STEEL.youngs_modulus * wide * high**3 / 12.0 / (4.0 * long**2)
+    pressed = model.whole(model.static(model.forces(-20.0 * first * loads[:, :1])))[:, 0]
+    stress = model.unknowns.matrix(stress_stiffness(matrices.model.mesh, pressed))
+    shapes = _buckled_shapes(matrices, pressed)
+    critical = [-(x @ (model.stiffness @ x)) / (x @ (stress @ x)) for x in shapes]
+    # The third one shears.
+    np.testing.assert_allclose(critical, np.array([1.0, (wide / high) ** 2, 9.0]) / 20.0, rtol=0.02)
+    assert len(_buckled_shapes(matrices, 0.04 * pressed)) == 0
 
 
 def crossed_leaves():

@@ -348,7 +348,10 @@ def test_an_exactly_singular_matrix_is_refused_with_its_cause():
 
 
 @pytest.mark.usefixtures("solver")
-def test_static_response_to_many_loads_is_that_to_each():
+@pytest.mark.parametrize("large", [80_000, 100])
+def test_static_response_to_many_loads_is_that_to_each(large, monkeypatch):
+    """Of large models SuperLU's factors are given up for blocks of them."""
+    monkeypatch.setattr(factorisation, "_LARGE", large)
     mesh = box(ElementType.C3D10, (3, 2, 2), (1.0, 0.3, 0.3))
     free = np.flatnonzero(np.repeat(mesh.points[:, 0] > 0.0, 3))
     k = sp.csr_array(stiffness(mesh)[free][:, free])

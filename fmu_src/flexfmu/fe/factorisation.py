@@ -60,11 +60,9 @@ def dissection_order(matrix: sp.csr_array, node: IntArray) -> IntArray:
     ModelError
         METIS has ended without one.
     """
-    _, compact = np.unique(node, return_inverse=True)
-    graph = _node_graph(matrix, compact)
-    adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
+    graph = _node_graph(matrix, compact := np.unique(node, return_inverse=True)[1])
     try:
-        _, position = pymetis.nested_dissection(adjacency=adjacency)
+        position = pymetis.nested_dissection(adjacency=pymetis.CSRAdjacency(graph.indptr, graph.indices))[1]
     except RuntimeError as error:
         # METIS catches signals, lack of memory among them, and does not tell which.
         raise ModelError("METIS has not ordered the unknowns: a signal has ended it, or memory was short") from error
@@ -276,12 +274,17 @@ class Factorisation:
             if order is None:
                 _check_fill(matrix, node, self._order, tell)
             factor = spla.splu(permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-            self._solve, pivots = factor.solve, factor.U.diagonal()
+            self._solve, lower, pivots = factor.solve, factor.L, factor.U.diagonal()
             # The elimination along the diagonal has no negative pivot then.
             self.positive_definite = bool(np.all(pivots > 0.0))
-            along = np.array_equal((factor.perm_r, factor.perm_c), 2 * [np.arange(pivots.size)])
-            if along and pivots.size < _LARGE:
-                self._several = cache(partial(_by_blocks, factor.L, pivots))
+            if not np.array_equal((factor.perm_r, factor.perm_c), 2 * [np.arange(pivots.size)]):
+                return
+            self._several = cache(partial(_by_blocks, lower, pivots))
+            if order is None and pivots.size >= _LARGE:
+                # Blocks serve one right-hand side as well: what SuperLU keeps is four times as large.
+                del factor
+                self._solve = solve = _by_blocks(lower, pivots)
+                self._several = lambda: solve
         except RuntimeError as error:
             found = f"the stiffness matrix is singular ({error}): a part of the body is free to move"
             raise ModelError(f"{found}; check supports and that all parts share nodes") from error
@@ -301,7 +304,7 @@ class Factorisation:
         columns = right.reshape(len(right), -1)
         found = result.reshape(columns.shape)
         solve = self._several() if columns.shape[1] >= _MANY else self._solve
-        count = _FEWER if solve == self._solve else AT_A_TIME
+        count = AT_A_TIME if _pardiso() is None else _FEWER
         for first in range(0, columns.shape[1], count):
             part = slice(first, first + count)
             found[self._order, part] = solve(np.asarray(columns[self._order, part], dtype=np.float64))
@@ -328,12 +331,9 @@ def factor_entries(matrix: sp.csr_array, node: IntArray, order: IntArray) -> flo
     float
     """
     compact = np.unique(node, return_inverse=True)[1]
-    place = np.full(int(compact[-1]) + 1, -1, dtype=np.int64)
-    _, first = np.unique(compact[order], return_index=True)
-    place[np.argsort(first, kind="stable")] = np.arange(place.size)
-    graph = _node_graph(matrix, place[compact])
-    unknowns = np.zeros(place.size)
-    np.add.at(unknowns, place[compact], 1.0)
+    # When each node is eliminated.
+    place = np.argsort(np.argsort(np.unique(compact[order], return_index=True)[1]))
+    graph, unknowns = _node_graph(matrix, place[compact]), np.bincount(place[compact])
     waiting: list[list[IntArray]] = [[] for _ in range(place.size)]
     total = 0.0
     for column in range(place.size):

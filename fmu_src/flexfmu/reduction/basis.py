@@ -17,7 +17,6 @@ from functools import cached_property, partial
 from itertools import combinations_with_replacement, permutations, zip_longest
 
 import numpy as np
-import scipy.sparse.linalg as spla
 
 from ..fe.assembly import stiffness
 from ..fe.factorisation import solver_name
@@ -423,8 +422,9 @@ def _forces(matrices: Matrices, fields: FloatArray, energy: FloatArray) -> Float
 # motion with a turn of 0.5 rad (rms) beyond which none counts. With eight in all a channel whose flanges had buckled
 # was 2.6 % off in silence.
 _BENT, _BUCKLED, _EACH, _REACH = 3, 12, 6, 1.0
-# Of the iteration, whose shapes need not be exact: Krylov vectors, relative error.
-_VECTORS, _TOLERANCE, _SEED = 20, 1e-2, 20261122
+# Of the iteration, whose shapes need not be exact: directions at a time, as many as cost one right-hand side, rounds at
+# least and at most, relative error of what buckles, and energy, over a round's largest, that is round-off.
+_BLOCK, _ROUNDS, _TOLERANCE, _NONE, _SEED = 3, (5, 20), 1e-2, 1e-20, 20261122
 
 
 def buckling_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
@@ -444,7 +444,7 @@ def buckling_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
     """
     model = matrices.supported
     # Loads on a support do nothing.
-    if model.free.size <= 2 * _VECTORS or not np.any(model.forces(loads)):
+    if model.free.size <= _BLOCK * _ROUNDS[1] or not np.any(model.forces(loads)):
         return np.zeros((len(loads), 0))
     motions = softest_motions(matrices, loads)[0][:, :_BENT]
     with matrices.report.counted("Find shapes of buckling", motions.shape[1], "motions") as tell:
@@ -458,16 +458,34 @@ def buckling_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
 
 
 def _buckled_shapes(matrices: Matrices, motion: FloatArray) -> FloatArray:
-    """Shapes (k, f) in which the stress of a motion (3n,), or its opposite, buckles the body, the first ones first."""
-    model = matrices.supported
-    size = model.free.size
+    """Shapes (k, f) in which the stress of a motion (3n,), or its opposite, buckles the body, the first ones first.
+
+    Block Lanczos iteration with K⁻¹K_σ, orthogonal in strain energy.
+    """
+    model, most = matrices.supported, _BLOCK * _ROUNDS[1]
     stress = model.unknowns.matrix(model.unknowns.in_means(stress_stiffness(matrices.model.mesh, motion)))
-    solve = spla.LinearOperator((size, size), matvec=lambda force: model.static(force.reshape(-1, 1))[:, 0])
-    start = model.static(np.random.default_rng(_SEED).standard_normal((size, 1)))[:, 0]
-    how = {"which": "BE", "v0": start, "Minv": solve, "ncv": _VECTORS, "tol": _TOLERANCE}
-    try:
-        inverse, shapes = spla.eigsh(stress, _EACH, model.stiffness, **how)
-    except spla.ArpackNoConvergence as error:
-        inverse, shapes = error.eigenvalues, error.eigenvectors
-    order = np.argsort(-np.abs(inverse))
-    return shapes[:, order[np.abs(inverse[order]) > 1.0 / _REACH]].T
+    spanned, held, work = *np.zeros((2, most, model.free.size)).swapaxes(1, 2), np.zeros((most, most))
+    block = model.static(np.random.default_rng(_SEED).standard_normal((model.free.size, _BLOCK)))
+    force, inverse, ended = model.stiffness @ block, np.zeros(1), 0
+    for number in range(1, _ROUNDS[1] + 1):
+        energy, turn = np.linalg.eigh(block.T @ force)
+        turn = (turn / np.sqrt(np.abs(energy)))[:, energy > _NONE * np.square(inverse).max()]
+        own = slice(ended, ended := ended + turn.shape[1])
+        spanned[:, own], held[:, own] = block @ turn, force @ turn
+        pushed = stress @ spanned[:, own]
+        work[:ended, own] = spanned[:, :ended].T @ pushed
+        inverse, found = np.linalg.eigh(work[:ended, :ended], UPLO="U")
+        # Those of the motion, and those of its opposite.
+        ends = np.unique(np.arange(-(_EACH // 2), _EACH // 2) % ended)
+        inverse, found = inverse[ends], found[:, ends]
+        block = model.static(pushed)
+        for _ in range(2):
+            block -= spanned[:, :ended] @ (held[:, :ended].T @ block)
+        force = model.stiffness @ block
+        # What they have of the next round.
+        left = np.sqrt(np.abs(np.einsum("ik,ij,jk->k", found[own], block.T @ force, found[own])))
+        settled = left <= np.maximum(_TOLERANCE * np.abs(inverse), 1.0 / _REACH - np.abs(inverse))
+        if settled.all() and (number >= _ROUNDS[0] or not turn.size):
+            break
+    first = np.argsort(-np.abs(inverse))[: np.sum(np.abs(inverse) > 1.0 / _REACH)]
+    return (spanned[:, :ended] @ found[:, first]).T
