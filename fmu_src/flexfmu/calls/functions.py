@@ -376,5 +376,4 @@ def show(
     from .showing import Request, show as make
 
     held = tuple(f"{name}={value}" for name, value in (loads or {}).items())
-    target = None if output is None else Path(output)
-    return make(Request(Path(file), target, None, held, modes, live=live), report)
+    return make(Request(Path(file), None if output is None else Path(output), None, held, modes, live=live), report)

@@ -86,8 +86,7 @@ def pack(
     }
     if frames is not None:
         data["frames" if isinstance(frames, int) else "frame"] = plain_value(frames)
-    with_sets = replace(given, sets=choices.mesh.node_sets)
-    return BuiltBody(reduce_given(with_sets, checked_spec(data), report))
+    return BuiltBody(reduce_given(replace(given, sets=choices.mesh.node_sets), checked_spec(data), report))
 
 
 def pack_file(

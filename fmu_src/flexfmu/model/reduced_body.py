@@ -214,8 +214,7 @@ class Properties:
     @property
     def mass(self) -> float:
         """Of the whole body, kg."""
-        hung = 0.0 if self.point_mass is None else float(self.point_mass.sum())
-        return float(self.volume @ self.density) + hung
+        return float(self.volume @ self.density) + (0.0 if self.point_mass is None else float(self.point_mass.sum()))
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -85,5 +85,4 @@ def rotation_vector(rotation: FloatArray) -> FloatArray:
     # Near half a turn the sine is as small.
     small = (np.abs(square) < 1e-8) & (cosine.real > 0.0)
     size = np.sqrt(np.where(small, 1.0, square))
-    angle = np.where(small, 1.0 + square / 6.0, 2.0 * np.arctan(size / (1.0 + cosine)) / size)
-    return sine * angle[..., None]
+    return sine * np.where(small, 1.0 + square / 6.0, 2.0 * np.arctan(size / (1.0 + cosine)) / size)[..., None]

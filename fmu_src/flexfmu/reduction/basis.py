@@ -336,8 +336,7 @@ def turning_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
     tense = stretch > TENSE * np.sqrt(energy[pairs].prod(axis=1))
     enough = tense & (spin.diagonal() > (TURNING * _TURN**2) ** 2)
     turned, axes = np.linalg.eigh(spin)
-    kept = np.flatnonzero((turned > _NO_TURN * turned[-1]) & enough.any())[::-1]
-    return forces @ axes[:, kept[:_TURNED]]
+    return forces @ axes[:, np.flatnonzero((turned > _NO_TURN * turned[-1]) & enough.any())[::-1][:_TURNED]]
 
 
 _Motions = tuple[FloatArray, FloatArray]

@@ -35,8 +35,7 @@ class Centre:
     def mean(cls, points: FloatArray, share: FloatArray) -> "Centre":
         """Centre of points (n, 3) with shares (n,) that sum up to one."""
         nodes = np.flatnonzero(share)
-        operator = (share[nodes, None, None] * np.eye(3)).transpose(1, 0, 2).reshape(3, -1)
-        return cls(share @ points, nodes, operator)
+        return cls(share @ points, nodes, (share[nodes, None, None] * np.eye(3)).transpose(1, 0, 2).reshape(3, -1))
 
     def moved(self, shapes: FloatArray) -> FloatArray:
         """Displacement (3, m) of mode shapes (3n, m)."""

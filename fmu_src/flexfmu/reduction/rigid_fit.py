@@ -139,8 +139,7 @@ def is_mean(operator: FloatArray, share: float = _EVEN) -> bool:
     equal ones below a `share` of the largest do not count.
     """
     parts = operator[:3].reshape(3, -1, 3)
-    off = parts - parts[0, :, :1] * np.eye(3)[:, None]
-    return bool(np.all(abs(off) <= share * abs(parts).max(initial=0.0)))
+    return bool(np.all(abs(parts - parts[0, :, :1] * np.eye(3)[:, None]) <= share * abs(parts).max(initial=0.0)))
 
 
 # Nodes that a mass may hang on: each couples with all others.

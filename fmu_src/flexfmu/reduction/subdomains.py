@@ -41,8 +41,7 @@ class Turn:
 
     def of(self, shapes: FloatArray) -> FloatArray:
         """Rotation (3, m) of mode shapes (3n, m)."""
-        local = shapes.reshape(-1, 3, shapes.shape[1])[self.nodes]
-        return self.operator @ local.reshape(-1, shapes.shape[1])
+        return self.operator @ shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(-1, shapes.shape[1])
 
 
 def mean_rotation(mesh: Mesh, elements: IntArray) -> Turn:

@@ -284,8 +284,7 @@ def _newton(
     weight = np.where(elastic, 1.0, 1e-3)
     # The smallest z + dz with J dz = missing: the part across the null space of J goes away.
     right = missing + scaled @ z
-    target = (np.linalg.pinv(scaled / weight, rcond=1e-10) @ right) / weight
-    return (target - z) * scale
+    return ((np.linalg.pinv(scaled / weight, rcond=1e-10) @ right) / weight - z) * scale
 
 
 # Programs that the page runs: the body's own, the linear one beside it, and the one that tells the error.

@@ -439,5 +439,4 @@ def within(signal: FloatArray, band: tuple[float, float], step: float) -> FloatA
     low, high = band
     edges, kind = (high, "lowpass") if low == 0.0 else ((low, high), "bandpass")
     sections = butter(_FILTER_ORDER, edges, kind, fs=1.0 / step, output="sos")
-    padding = min(len(signal) - 1, 3 * (2 * len(sections) + 1))
-    return sosfiltfilt(sections, signal, axis=0, padlen=padding)
+    return sosfiltfilt(sections, signal, axis=0, padlen=min(len(signal) - 1, 3 * (2 * len(sections) + 1)))
