@@ -393,13 +393,6 @@ static int over_step(Instance *x, double step) {
     return differ;
 }
 
-/* By how much internal steps are divided once more as what they miss nears its limit: above a tenth of it, and a fifth: where forces
- * soften the body the error is some times what is known of it. Once it is passed, shorter ones are no use. */
-static int64_t finer_by(const Instance *x) {
-    const double off = of_course(x, offsetof(Course, astray.error[BY_STEPS])) / x->parameter[P_ASTRAY_LIMIT];
-    return !(off > 0.1 && off <= 1.0) ? 1 : off > 0.2 ? 4 : 2;
-}
-
 static Answer whole_step(Instance *x, double time, double step, char *why) {
     if (!isfinite(time) || !isfinite(step) || step < 0.0 || !isfinite(time + step)) {
         snprintf(why, TEXT_SIZE, SAY_BAD_TIME, step, time);

@@ -325,11 +325,11 @@ void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
         now->slices = fmax(1.0, ceil(slice->whole / slice_size(monitor->body)));
         if (now->slices > FEW) return;
     }
-    now->done += 1.0;
+    now->done += monitor->part;
     const int last = now->done > now->slices - (now->slices > FEW ? 0.0 : 1.0);
     int follows = 0;
     /* Where slices were lost with another state, the rest makes up for them. */
-    slice->until = last ? HUGE_VAL : slice->spent + (slice->whole - slice->spent) / (now->slices - now->done + 1.0);
+    slice->until = last ? HUGE_VAL : slice->spent + monitor->part * (slice->whole - slice->spent) / (now->slices - now->done + monitor->part);
     if (last || (!slice->failed && slice->spent < slice->whole)) {
         slice->met = 0;
         slice->fresh = 1;

@@ -89,13 +89,14 @@ Scale scale_of(double stiffness, double density);
 /* Inputs (L) as they act on the body. */
 void scale_inputs(const Scale *scale, const Program *program, const double *inputs, double *out);
 
-/* A body with its shadow, or null, and what is looked for; `interval` of steps between looks at the error. `inputs`, `shape`
- * and `errors` are workspaces of L, m and 2I numbers. */
+/* A body with its shadow, or null, and what is looked for; `interval` of steps between looks at the error; the `part` of a slice
+ * that a step does, which is less where it takes longer itself. `inputs`, `shape` and `errors` are workspaces of L, m and 2I
+ * numbers. */
 typedef struct {
     Body *body, *shadow;
     Scale scale;
     Watch watch[WATCHES];
-    double interval, *inputs, *shape, *errors;
+    double interval, part, *inputs, *shape, *errors;
     Pieces *pieces;
 } Monitor;
 

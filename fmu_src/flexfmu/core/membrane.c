@@ -298,7 +298,12 @@ void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
         if (!forms.basis || over(body->slice)) continue;
         Rows now = rows_due(body->slice, k, (double)(k * m));
         product(square + now.at * k, forms.basis, at->row + now.at * m, now.end - now.at, k, m);
-        now = rows_due(body->slice, k, (double)(m * m));
-        if (now.end > now.at) add_transposed_product(forms.basis + now.at * m, at->row + now.at * m, out, now.end - now.at, m, m);
+        /* The square is spent: a column of the basis at a time. */
+        now = rows_due(body->slice, m, (double)(k * m));
+        if (now.end - now.at == m) add_transposed_product(forms.basis, at->row, out, k, m, m);
+        for (int64_t j = now.at; j < now.end && now.end - now.at < m; j++) {
+            for (int64_t i = 0; i < k; i++) square[i] = forms.basis[i * m + j];
+            add_transposed_product(square, at->row, out + j * m, k, 1, m);
+        }
     }
 }

@@ -22,7 +22,7 @@ void node_rates(const Body *body, const Need *need, const Configuration *at, con
     memset(local, 0, (size_t)(6 * n) * sizeof(double));
     add_strided_rows(v, p->operator_t, 6 * n, local, p->modes, moving_rows(p));
     if (p->curved) {
-        part_coordinates(p, v, rates->bent);
+        part_coordinates(p, v, 0, rates->bent);
         for (int64_t part = 0; part < p->parts; part++) {
             const Bend *bend = body->opened->bends + part;
             const int64_t r = p->extent[part];

@@ -49,13 +49,14 @@ const double *part_basis(const Program *p, int64_t part) {
     return basis;
 }
 
-void part_coordinates(const Program *p, const double *q, double *x) {
-    for (int64_t i = 0; i < p->parts; i++) {
+void part_coordinates(const Program *p, const double *q, Slice *slice, double *x) {
+    for (int64_t i = 0; i < p->parts; i++, x += p->modes) {
         const double *basis = part_basis(p, i);
+        const Rows now = rows_due(slice, basis ? p->extent[i] : 1, (double)p->modes);
         if (basis)
-            rows_times(basis, q, x + i * p->modes, p->extent[i], p->modes);
-        else
-            memcpy(x + i * p->modes, q, (size_t)p->modes * sizeof(double));
+            rows_times(basis + now.at * p->modes, q, x + now.at, now.end - now.at, p->modes);
+        else if (now.at < now.end)
+            memcpy(x, q, (size_t)p->modes * sizeof(double));
     }
 }
 
@@ -153,7 +154,7 @@ void configure_linear(const Body *body, const Need *need, const double *q, Confi
     }
     if (now.at < now.end) add_strided_rows(q + first, p->operator_t + first * size, size, at->straight, count, moving_rows(p));
     if (!p->curved) return;
-    if (due(body->slice, (double)(p->parts * p->modes * p->modes))) part_coordinates(p, q, at->bent);
+    part_coordinates(p, q, body->slice, at->bent);
     turn_rows(body, need, at->bent, at->turned);
 }
 

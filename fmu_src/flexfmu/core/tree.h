@@ -34,7 +34,7 @@ int64_t moving_rows(const Program *p);
 /* Basis (r, m) of the coordinates that bend a part; null where q itself does: without any, or where there are m of them. */
 const double *part_basis(const Program *p, int64_t part);
 /* Coordinates that bend each part at q, (parts, m) with r of them in each row. */
-void part_coordinates(const Program *p, const double *q, double *x);
+void part_coordinates(const Program *p, const double *q, Slice *slice, double *x);
 /* Whether a row of the operator is needed. */
 int wanted(const Program *p, const Need *need, int64_t row);
 /* Curvature times the coordinates, of rows that are needed, by the LANES of them. */
