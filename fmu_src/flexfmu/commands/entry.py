@@ -6,8 +6,6 @@ import sys
 from io import TextIOWrapper
 from pathlib import Path
 
-import numpy
-
 from .plain import ends_in_words, show_info
 
 
@@ -26,7 +24,7 @@ def main() -> None:
         case _:
             # scipy asks numpy for every name, which then imports these: a third of scipy's time, and nobody uses them.
             # Who imports them gets them.
-            vars(numpy).update(f2py=None, testing=None)
+            vars(sys.modules["numpy"]).update(f2py=None, testing=None)
             from .cli import app
 
             # Little of what is made refers to itself: ten times as rarely as usual is soon enough to look for that.

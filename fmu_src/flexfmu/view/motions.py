@@ -283,8 +283,7 @@ def _newton(
     z = np.where(elastic, q / scale, 0.0)
     weight = np.where(elastic, 1.0, 1e-3)
     # The smallest z + dz with J dz = missing: the part across the null space of J goes away.
-    right = missing + scaled @ z
-    return ((np.linalg.pinv(scaled / weight, rcond=1e-10) @ right) / weight - z) * scale
+    return ((np.linalg.pinv(scaled / weight, rcond=1e-10) @ (missing + scaled @ z)) / weight - z) * scale
 
 
 # Programs that the page runs: the body's own, the linear one beside it, and the one that tells the error.
