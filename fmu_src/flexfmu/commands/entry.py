@@ -22,9 +22,6 @@ def main() -> None:
             gc.disable()
             ends_in_words(show_info)(Path(file), bool(more))
         case _:
-            # scipy asks numpy for every name, which then imports these: a third of scipy's time, and nobody uses them.
-            # Who imports them gets them.
-            vars(sys.modules["numpy"]).update(f2py=None, testing=None)
             from .cli import app
 
             # Little of what is made refers to itself: ten times as rarely as usual is soon enough to look for that.
