@@ -73,7 +73,7 @@ _FEW, _KEPT = 24, 1_000_000
 # these a bow told 0.7 to 4.8 times what it misses under a moment, with their squares a parallelogram of leaves 100 %.
 # Least deflection of one by a load of unit energy, and part of the softest one's linear energy up to which a square is
 # left out: at 5e-4 a bar told 0.77 of its error.
-_SOFTEST, _STIFFEST, _SOFT, _NO_SQUARE = 10, 4, 1e-5, 5e-6
+_SOFTEST, _STIFFEST, _SOFT, _NO_SQUARE, _TAKEN = 10, 4, 1e-5, 5e-6, 0.5
 
 
 @dataclass(frozen=True)
@@ -234,10 +234,10 @@ class Stretching:
         """The same, and what the places of a body with it miss at third order in its softest motions under loads."""
         unit, mesh, count = self._shapes / self._omega, self.matrices.model.mesh, self.loads.shape[1] // 2
         # Motions of unit energy, and the loads that cause them, which no rigid motion feels.
-        # Where nodes roll, what holds them works on how moments have frames drift.
-        fixed = self.matrices.model.fixed
-        some = count if (fixed.any(axis=1) & ~fixed.all(axis=1)).any() else None
-        ways = balanced(self.matrices.supported, self.matrices.supported.forces(self.loads))[:, :some]
+        # Loads that supports take cause next to nothing: the motion of a unit of it would take huge ones.
+        held = np.linalg.norm(self.loads[self.matrices.model.fixed.ravel()], axis=0)
+        acting = held < _TAKEN * np.linalg.norm(self.loads, axis=0)
+        ways = acting[:, None] * balanced(self.matrices.supported, self.matrices.supported.forces(self.loads * acting))
         caused, sizes, found = np.linalg.svd((self.loads @ ways).T @ unit, full_matrices=False)
         kept = sizes > _SOFT * sizes.max(initial=0.0)
         if not kept.any():
