@@ -298,7 +298,7 @@ void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
         if (!forms.basis || over(body->slice)) continue;
         Rows now = rows_due(body->slice, k, (double)(k * m));
         product(square + now.at * k, forms.basis, at->row + now.at * m, now.end - now.at, k, m);
-        /* The square is spent: a column of the basis at a time. */
+        /* All rows at once, or some of them: then a column of the basis lies where the square was. */
         now = rows_due(body->slice, m, (double)(k * m));
         if (now.end - now.at == m) add_transposed_product(forms.basis, at->row, out, k, m, m);
         for (int64_t j = now.at; j < now.end && now.end - now.at < m; j++) {
