@@ -246,7 +246,7 @@ def test_places_of_third_order_are_those_that_the_tree_makes(kept, tmp_path):
         return 0.5 * (core.motion(size * q) - core.motion(-size * q))
 
     third = (odd(2.0) - 2.0 * odd(1.0)) / 6.0
-    found = third_order_motion(reduced, q[None])[0, 0]
+    found = third_order_motion(reduced, q[None], np.ones((1, 1)))[0, 0]
     assert found[:3] == pytest.approx(third[:3], rel=1e-2)
     assert found[3:] == pytest.approx(third[3:6], rel=1e-2, abs=1e-2 * np.abs(third[3:6]).max())
 
@@ -311,7 +311,7 @@ def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
     amplitudes = random.standard_normal(3)
     pairs = np.outer(amplitudes, amplitudes)[np.triu_indices(3)]
     q = (amplitudes @ motions)[None]
-    third = third_order_motion(reduced, q)[0, 0]
+    third = third_order_motion(reduced, q, np.ones((1, 1)))[0, 0]
     moved = np.tensordot(amplitudes, sums[1], 1)[None]
     third[3:] -= fitted_rotation((reduced.interface_rotation @ q[0])[None], sums[0], moved)[0, 0]
     found = signs @ np.einsum("kij,i,j->k", forms, amplitudes, amplitudes) ** 2

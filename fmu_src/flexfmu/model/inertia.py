@@ -61,7 +61,7 @@ class Membrane:
             Λ, 1/s².
         """
         shapes = np.divide(self.linear, stiffness, out=np.zeros_like(self.linear), where=stiffness > 0.0)
-        return 4.0 * np.einsum("rc,rab->cab", shapes, self.quadratic)
+        return 4.0 * np.tensordot(shapes, self.quadratic, (0, 0))
 
     def taken(self, stiffness: FloatArray, q: FloatArray) -> FloatArray:
         """Modal coordinates (m,) by which q, the shapes being in it, falls short of a motion at second order."""

@@ -18,14 +18,17 @@ from ..model.rotations import skew
 _SAMPLES, _LITTLE = 2, 1e-6
 
 
-def third_order_motion(body: ReducedBody, q: FloatArray) -> FloatArray:
+def third_order_motion(body: ReducedBody, motions: FloatArray, amplitudes: FloatArray) -> FloatArray:
     """Displacements and rotation vectors of the interfaces at third order, (4) to (6) with (19) and (20).
 
     Parameters
     ----------
     body : ReducedBody
         With second order, without rigid motions.
-    q : (k, m) float
+    motions : (r, m) float
+        Modal coordinates.
+    amplitudes : (k, r) float
+        Of the motions in each sample.
 
     Returns
     -------
@@ -40,13 +43,17 @@ def third_order_motion(body: ReducedBody, q: FloatArray) -> FloatArray:
         np.concatenate([body.frame_rotation, body.interface_rotation]),
     ])  # fmt: skip
     bent = np.stack([body.second.displacement, body.second.rotation])[:, : len(points)]
-    shift = np.zeros_like(q)
+    products = 0.5 * np.einsum("ka,kb->kab", amplitudes, amplitudes).reshape(len(amplitudes), -1)
+
+    def squared(forms: FloatArray) -> FloatArray:
+        # The few motions come first: of all coordinates there are many more pairs.
+        return np.tensordot(products, (motions @ forms @ motions.T).reshape(*forms.shape[:-2], -1), (1, -1))
+
+    q, second = amplitudes @ motions, squared(bent)
     if body.membrane is not None:
-        shift = 0.5 * np.einsum("cab,ka,kb->kc", body.membrane.shift(body.angular_frequency**2), q, q, optimize=True)
+        second += np.tensordot(squared(body.membrane.shift(body.angular_frequency**2)), linear, (1, -1))
     # By displacement and rotation, sample and node.
-    first = np.einsum("dnia,ka->dkni", linear, q)
-    second = 0.5 * np.einsum("dniab,ka,kb->dkni", bent, q, q, optimize=True)
-    (u, turn), (w, more) = first, second + np.einsum("dnia,ka->dkni", linear, shift)
+    (u, turn), (w, more) = (part.swapaxes(0, 1) for part in (np.tensordot(q, linear, (1, -1)), second))
     result, spin = np.zeros(u.shape), np.zeros((*u.shape, 3))
     for node, parent in enumerate(parents.tolist()):
         relative, half = skew(turn[:, node]), skew(more[:, node])
@@ -158,8 +165,8 @@ def missed_energy(
     amplitudes = np.random.default_rng(0).standard_normal((_SAMPLES * once.sum(), len(motions)))
     amplitudes[:, :stiff] *= _LITTLE
     pairs = amplitudes[:, first] * amplitudes[:, second]
-    q = amplitudes @ motions
-    third, turned = third_order_motion(body, q), np.einsum("icm,km->kic", body.interface_rotation, q)
+    third = third_order_motion(body, motions, amplitudes)
+    turned = np.tensordot(amplitudes, motions @ body.interface_rotation.swapaxes(1, 2), (1, 1))
     third[..., 3:] -= fitted_rotation(turned, sums[0], np.tensordot(amplitudes, sums[1], 1))
     energy = np.einsum("kr,rij,kij->k", amplitudes, loads, third, optimize=True) + springs(amplitudes.T)
     products, found = amplitudes[:, terms[once]].prod(axis=2), np.zeros(len(terms))
