@@ -128,3 +128,26 @@ def test_stability_is_told_as_soon_as_loads_have_changed_by_a_twentieth(seed, li
     assert np.linalg.norm(loads[told] - loads[first]) <= 0.05 * np.linalg.norm(loads[told]) + np.linalg.norm(
         loads[1] - loads[0]
     )
+
+
+def test_steps_that_take_longer_do_less_of_a_look(bar, tmp_path):
+    """No step is to take much longer for its watches: where steps are divided once more a look takes more of them."""
+    ringing = replace(bar, damping_ratio=np.full(bar.damping_ratio.shape, 0.02))
+    start = QUIET | {"internal_step.tolerance": 1.0, "watch.stability.limit": 0.0, "watch.error.limit": 1e-9}
+    known, looks = 1e3, []
+    for _ in range(2):
+        driven = Driven(ringing, tmp_path, **start, **{"watch.steps_missed.limit": known})
+        driven.set(**{"tip.force.z": 1000.0})
+        internal, missed = [], []
+        while not driven.log:
+            assert driven.taken(STEP)
+            internal += driven.get("diagnostics.substeps")
+            missed += driven.get("diagnostics.steps_missed")
+        looks.append((len(internal), sum(count > 1 for count in internal), driven.log[0][1]))
+        known = 1.2 * max(missed)
+    (plain, never, said), (longer, divided, again) = looks
+    assert never == 0
+    assert divided > 20
+    assert longer > plain + divided / 3
+    assert "off by" in said
+    assert said == again

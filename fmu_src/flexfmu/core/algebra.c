@@ -100,7 +100,7 @@ void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n, S
 }
 
 int cholesky(double *a, int64_t n, Slice *slice) {
-    Rows rows = rows_due(slice, pairs_of(n), (double)(n / 3 + 50));
+    Rows rows = rows_due(slice, pairs_of(n), (double)(n / 3 + 60));
     int64_t i, j;
     column_pair_of(rows.at, n, &i, &j);
     for (; rows.at < rows.end; rows.at++) {

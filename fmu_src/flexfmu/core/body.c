@@ -101,7 +101,8 @@ static Body *body_of(Opened *opened, const char **why) {
     lay_out(&counted, &arena);
     Body *body = calloc(1, sizeof *body + (size_t)arena.used * sizeof(double));
     *why = NO_MEMORY;
-    if (!body) {
+    if (!body || !make_lent(opened, scratch_size(&counted, counted.scratch.work_size))) {
+        free(body);
         leave_opened(opened);
         return 0;
     }

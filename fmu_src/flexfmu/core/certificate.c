@@ -124,12 +124,12 @@ static double apart(const double *a, const double *b, int64_t interfaces, double
 static void residual_of(Body *shadow, Room *room, const double *inputs) {
     const Program *p = shadow->p;
     const int64_t m = p->modes;
-    if (due(shadow->slice, (double)(3 * p->loads * m))) spread(shadow, inputs, &room->loads);
+    if (due(shadow->slice, (double)(4 * p->loads * m))) spread(shadow, inputs, &room->loads);
     modal_force(shadow, &room->loads, 1, &room->at, 0, &room->scratch, room->left);
     const Rows now = rows_due(shadow->slice, p->tied * m, (double)m);
     for (int64_t j = now.at; j < now.end; j++) room->left[j] += dot(p->tie_initial + j * m, room->q, m);
     stretch_at(shadow, room->q, &room->stretch);
-    if (due(shadow->slice, (double)(3 * p->stretches * m))) subtract_stretch_force(shadow, &room->stretch, &room->stretch, room->left);
+    if (!over(shadow->slice)) subtract_stretch_force(shadow, &room->stretch, &room->stretch, room->left);
 }
 
 /* Forces and tangent of the shadow at its coordinates. Its joints do not quite fit there, and their own tension would lead
@@ -411,11 +411,13 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
         configure(body, room->rigid, &at);
         places_in(p, &at, room->other);
     }
-    if (due(slice, CALLS)) {
-        const double now = apart(room->moved, room->other, p->interfaces, room->error);
-        const double inertia = deflection_by(body, room->rest, room);
+    if (due(slice, 0.5 * CALLS)) {
+        room->found[REACH] = reach_of(p, room->error, apart(room->moved, room->other, p->interfaces, room->error));
         room->found[TURNED] = largest_turn(p, room->error);
-        room->found[REACH] = fmax(reach_of(p, room->error, now), inertia);
+    }
+    if (due(slice, 0.5 * CALLS)) {
+        const double inertia = deflection_by(body, room->rest, room);
+        room->found[REACH] = fmax(room->found[REACH], inertia);
         room->found[INERTIA] = p->ties ? inertia : 0.0;
     }
     leave_block(slice, began, room->blocks + BODY);

@@ -99,6 +99,8 @@ typedef struct Opened {
     double rotation_reach, strain_reach; /* how fast deformation can grow with the coordinates */
     double *softens;       /* (L / 3): bounds of what unit forces and moments take off the stability */
     int softens_known;
+    double *lent;          /* work arrays for one body at a time, as long as those of each */
+    char lent_out;
     int rule_count;
     double *rule_numbers, rule_damping[RULES]; /* (RULES, 9, m): of all bodies that damp alike; their factor */
     Rule rules[RULES];

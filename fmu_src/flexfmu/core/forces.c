@@ -149,7 +149,7 @@ void modal_force(const Body *body, const Loads *loads, int with_moments, const C
     const double *constant = with_moments ? loads->constant : loads->f_constant;
     const int moving = p->placement == PLACE_DEFORMED || p->ties;
     double *own = room->tense, *force = room->loads, *moment = force + 3 * n;
-    if (due(body->slice, (double)(500 + m + 20 * n + TIE * p->ties))) {
+    if (due(body->slice, (double)(1500 + m + 20 * n + TIE * p->ties))) {
         memset(out, 0, (size_t)m * sizeof(double));
         memset(force, 0, (size_t)(6 * n) * sizeof(double));
         if (p->placement == PLACE_DEFORMED) memcpy(force, loads->force, (size_t)(3 * n) * sizeof(double));
@@ -391,7 +391,7 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
             add_transposed_product(p->load_operator + 3 * (p->interfaces + i) * m, room->row, out, 3, m, m);
         }
     if (over(body->slice)) return;
-    now = rows_due(body->slice, m, (double)(2 * m));
+    now = rows_due(body->slice, m, (double)(3 * m));
     for (int64_t j = now.at * m; j < now.end * m; j++) out[j] = -out[j];
     for (int64_t j = now.at; j < now.end; j++) out[j * m + j] += body->opened->stiffness[j];
     if (p->ties) add_tie_stiffness(body, at, pull, room, out);

@@ -393,6 +393,9 @@ static int over_step(Instance *x, double step) {
     return differ;
 }
 
+/* What follows from internal steps half as long is found before they are needed: such a step takes long enough. */
+static const double SOON = 1.5;
+
 static Answer whole_step(Instance *x, double time, double step, char *why) {
     if (!isfinite(time) || !isfinite(step) || step < 0.0 || !isfinite(time + step)) {
         snprintf(why, TEXT_SIZE, SAY_BAD_TIME, step, time);
@@ -420,7 +423,9 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
     if (ramps) scale_inputs(&x->scale, description(x), x->over->end_inputs, x->over->end_inputs);
     int64_t hint = (int64_t)fmax(x->single[S_HINT], ceil(fewest));
     const int exact = steps_are_exact(x->body);
-    Work work = {0, 0, 0.0, exact ? 0 : x->over->astray, finer_by(x)};
+    Work work = {0, 0, 0.0, exact ? 0 : x->over->astray, finer_by(x, 1.0)};
+    if (!exact && finer_by(x, SOON) > work.finer) foresee_steps(x->body, within / (double)(hint * finer_by(x, SOON)));
+    const double usual = (double)hint;
     if (!exact) memcpy(x->over->astray, x->astray, (size_t)(3 * m) * sizeof(double));
     memcpy(x->over->q1, x->q, (size_t)m * sizeof(double));
     memcpy(x->over->v1, x->v, (size_t)m * sizeof(double));
@@ -429,6 +434,7 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
         body_refusal(x->body, answer, step, &work, why, TEXT_SIZE);
         return instance_failed(x, step_refused(x));
     }
+    leave_to_looks(x, (double)work.iterations / usual);
     const Answer verdict = inspect(x, x->over->q1, x->over->v1, within, ramps ? x->over->end_inputs : x->over->start_inputs, 0, why);
     if (verdict != ANSWER_OK) return instance_failed(x, verdict);
     memcpy(x->q, x->over->q1, (size_t)m * sizeof(double));
@@ -464,6 +470,7 @@ static Answer step_at_rest(Instance *x, double time, double step, char *why) {
     const int as_given = x->scale.force == 1.0 && x->scale.acceleration == 1.0;
     if (!as_given) scale_inputs(&x->scale, description(x), x->previous, x->over->start_inputs);
     const double *inputs = as_given ? x->previous : x->over->start_inputs;
+    leave_to_looks(x, 0.0);
     const Answer verdict = inspect(x, x->q, x->v, x->scale.pace * step, inputs, 1, why);
     if (verdict != ANSWER_OK) return instance_failed(x, verdict);
     x->single[S_TIME] = time + step;

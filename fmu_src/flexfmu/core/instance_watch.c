@@ -1,5 +1,6 @@
 #include "instance_watch.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,15 +26,16 @@ int find_motion_at(Instance *x, const double *q, const double *v) {
 
 /* Above a tenth of the limit, and a fifth: where forces soften the body the error is some times what is known of it. Once it is
  * passed, shorter ones are no use. */
-int64_t finer_by(const Instance *x) {
-    const double off = of_course(x, offsetof(Course, astray.error[BY_STEPS])) / x->parameter[P_ASTRAY_LIMIT];
+int64_t finer_by(const Instance *x, double soon) {
+    const double off = soon * of_course(x, offsetof(Course, astray.error[BY_STEPS])) / x->parameter[P_ASTRAY_LIMIT];
     return !(off > 0.1 && off <= 1.0) ? 1 : off > 0.2 ? 4 : 2;
 }
 
+void leave_to_looks(Instance *x, double rounds) { x->pieces.part = fmin(1.0, fmax(0.125, (14.0 - rounds) / 8.0)); }
+
 /* What is looked for; limits and what happens beyond them follow each other in turn. */
 static Monitor monitor_of(Instance *x) {
-    const double part = finer_by(x) > 1 ? 0.5 : 1.0;
-    Monitor monitor = {x->body, x->shadow, x->scale, {{0}}, x->parameter[P_ERROR_INTERVAL], part, x->over->room, x->over->shape, x->errors, &x->pieces};
+    Monitor monitor = {x->body, x->shadow, x->scale, {{0}}, x->parameter[P_ERROR_INTERVAL], x->over->room, x->over->shape, x->errors, &x->pieces};
     const double *limit = x->parameter + P_ROTATION_LIMIT;
     for (int i = 0; i < WATCHES; i++, limit += 2) monitor.watch[i] = (Watch){limit[0], (OnLimit)limit[1]};
     return monitor;
@@ -49,6 +51,7 @@ int prepare_looks(Instance *x) {
     if (!touched) return 0;
     *arena = (Arena){(double *)touched, 0, size, 0};
     x->pieces.laid_out = arena->start + size;
+    x->pieces.part = 1.0;
     /* Memory that nobody has touched yet would cost the first look more than its slices. */
     for (int64_t i = 0; i < all; i += PAGE) touched[i] = 0.0;
     if (x->shadow) memset(x->shadow->scratch.four, 0, (size_t)(LANES * x->shadow->p->modes) * sizeof(double));

@@ -268,7 +268,7 @@ void submit(const Monitor *monitor, int kind, const StepEnd *end, double weight,
  * a configuration costs, a few of which make a step, and what all of them can bear. */
 static double slice_size(const Body *body) {
     const double cost = configuration_cost(body);
-    return forces_depend(body) ? 18000.0 + 0.285 * cost : fmax(3600.0, 100.0 + 1.4 * cost);
+    return forces_depend(body) ? 18000.0 + 0.285 * cost : fmax(3750.0, 100.0 + 1.4 * cost);
 }
 
 /* Slices up to which a look counts its pieces, and tells what it has found, in a step that does one: else each has a step. */
@@ -325,11 +325,11 @@ void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
         now->slices = fmax(1.0, ceil(slice->whole / slice_size(monitor->body)));
         if (now->slices > FEW) return;
     }
-    now->done += monitor->part;
+    now->done += pieces->part;
     const int last = now->done > now->slices - (now->slices > FEW ? 0.0 : 1.0);
     int follows = 0;
     /* Where slices were lost with another state, the rest makes up for them. */
-    slice->until = last ? HUGE_VAL : slice->spent + monitor->part * (slice->whole - slice->spent) / (now->slices - now->done + monitor->part);
+    slice->until = last ? HUGE_VAL : slice->spent + pieces->part * (slice->whole - slice->spent) / (now->slices - now->done + pieces->part);
     if (last || (!slice->failed && slice->spent < slice->whole)) {
         slice->met = 0;
         slice->fresh = 1;

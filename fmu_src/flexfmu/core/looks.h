@@ -53,6 +53,7 @@ typedef struct {
     double beyond; /* what stability is known to lie above */
     double energy; /* twice that of the body where the last step ended; NaN where nobody asked */
     double slow;   /* by how much longer looks at the error may take than of a small shadow */
+    double part;   /* of a slice that a step does: less where it takes longer itself */
     Arena arena;
     double whole[LOOKS], by_load; /* cost of all pieces of each look; of those of the cause also for each load that acts */
     double *laid_out;             /* (WAITING, LAID_OUT): what the arena of each look begins with */
@@ -89,14 +90,13 @@ Scale scale_of(double stiffness, double density);
 /* Inputs (L) as they act on the body. */
 void scale_inputs(const Scale *scale, const Program *program, const double *inputs, double *out);
 
-/* A body with its shadow, or null, and what is looked for; `interval` of steps between looks at the error; the `part` of a slice
- * that a step does, which is less where it takes longer itself. `inputs`, `shape` and `errors` are workspaces of L, m and 2I
+/* A body with its shadow, or null, and what is looked for; `interval` of steps between looks at the error. `inputs`, `shape` and `errors` are workspaces of L, m and 2I
  * numbers. */
 typedef struct {
     Body *body, *shadow;
     Scale scale;
     Watch watch[WATCHES];
-    double interval, part, *inputs, *shape, *errors;
+    double interval, *inputs, *shape, *errors;
     Pieces *pieces;
 } Monitor;
 

@@ -61,14 +61,14 @@ void take_stretch_stiffness(const Body *body, Arena *arena, Stretch *at) {
         if (forms.basis) size = larger(size, forms.size);
     take_stretch(body, arena, at);
     at->square = take(arena, size * size);
-    at->row = take(arena, size * p->modes);
+    at->row = take(arena, size * larger(p->modes, LANES));
 }
 
 /* Coordinates of a part, in a workspace; q itself without one. */
 static const double *coordinates_of(const Body *body, const Forms *forms, const double *q, const Stretch *at) {
     const int64_t m = body->p->modes;
     if (!forms->basis) return q;
-    const Rows now = rows_due(body->slice, forms->size, (double)m);
+    const Rows now = rows_due(body->slice, forms->size, (double)(2 * m));
     rows_times(forms->basis + now.at * m, q, at->own + now.at, now.end - now.at, m);
     return at->own;
 }
@@ -80,13 +80,13 @@ void stretch_at(const Body *body, const double *q, Stretch *at) {
     at->base = 0;
     at->moved = 0;
     while (next_forms(p, &forms)) {
-        const int64_t k = forms.size, fours = (forms.end - forms.first + LANES - 1) / LANES;
-        if (passed(body->slice, (forms.basis ? k : 0) + packed_groups(k) * fours + 1)) continue;
+        const int64_t k = forms.size, count = forms.end - forms.first, fours = (count + LANES - 1) / LANES;
+        if (passed(body->slice, (forms.basis ? k : 0) + packed_groups(k) * fours + count)) continue;
         const double *x = coordinates_of(body, &forms, q, at);
-        for (int64_t r = 0; r < forms.end - forms.first; r += LANES)
+        for (int64_t r = 0; r < count; r += LANES)
             four_rows(body, forms.packed + r / LANES * packed_size(k), x, at->slope + forms.slope + r * k, k);
-        if (!due(body->slice, (double)(4 * k * (forms.end - forms.first)))) continue;
-        for (int64_t r = forms.first; r < forms.end; r++) {
+        const Rows now = rows_due(body->slice, count, (double)(2 * k));
+        for (int64_t r = forms.first + now.at; r < forms.first + now.end; r++) {
             at->bent[r] = at->whole[r] = dot(at->slope + forms.slope + (r - forms.first) * k, x, k);
             if (!forms.basis) at->whole[r] += dot(p->stretch_linear + r * m, q, m);
         }
@@ -227,13 +227,15 @@ void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b
     while (next_forms(p, &forms)) {
         const int64_t k = forms.size;
         double *sum = forms.basis ? b->sum : out;
-        if (forms.basis) memset(sum, 0, (size_t)k * sizeof(double));
-        for (int64_t r = forms.first; r < forms.end; r++) {
+        const Rows pushed = rows_due(body->slice, forms.end - forms.first, (double)(20 + 2 * m * body->opened->keeps_shapes));
+        if (forms.basis && pushed.at == 0 && pushed.end > 0) memset(sum, 0, (size_t)k * sizeof(double));
+        for (int64_t r = forms.first + pushed.at; r < forms.first + pushed.end; r++) {
             const double bent = -p->stretch_sign[r] * (a->bent[r] + b->bent[r]);
             b->push[r] = -p->stretch_sign[r] * (a->whole[r] + b->whole[r]) * (first == last ? 2.0 : 1.0);
             if (body->opened->keeps_shapes) add_rows(&bent, p->stretch_linear + r * m, out, 1, m);
         }
-        add_rows(b->push + forms.first, last + forms.slope, sum, forms.end - forms.first, k);
+        Fours now = fours_due(body->slice, forms.end - forms.first, (double)(6 * k));
+        if (now.count) add_rows(b->push + forms.first + now.at, last + forms.slope + now.at * k, sum, now.count, k);
         if (first != last) add_rows(b->push + forms.first, first + forms.slope, sum, forms.end - forms.first, k);
         if (b->moved && !b->base) {
             double *four = body->scratch.four;
@@ -243,7 +245,8 @@ void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b
             turn += packed_size(k);
             way += k;
         }
-        add_sum(body, &forms, b, out);
+        now = fours_due(body->slice, forms.basis ? k : 0, (double)(6 * m));
+        if (now.count) add_rows(sum + now.at, forms.basis + now.at * m, out, now.count, m);
     }
 }
 
@@ -279,27 +282,30 @@ void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
         double *square = forms.basis ? at->square : out;
         if (forms.basis) clear_rows(square, k, rows_due(body->slice, k, cost_of_copy(k)));
         for (int64_t group = forms.first; group < forms.end && !over(body->slice); group += LANES) {
-            double whole[LANES] = {0.0};
-            for (int64_t r = group; r < group + LANES && r < forms.end; r++) {
-                const double *linear = p->stretch_linear + r * m, *slope = at->slope + forms.slope + (r - forms.first) * k;
-                const double four = 4.0 * p->stretch_sign[r];
-                whole[r - group] = four * at->whole[r];
-                const Rows rows = rows_due(body->slice, k, (double)(2 * k));
-                for (int64_t i = rows.at; i < rows.end; i++) {
-                    if (forms.basis) {
-                        const double twice = 2.0 * four * slope[i];
-                        add_rows(&twice, slope, square + i * k, 1, k);
-                    } else
-                        add_two_rows(four * (linear[i] + 2.0 * slope[i]), slope, four * slope[i], linear, out + i * m, m);
-                }
+            const double *slopes = at->slope + forms.slope + (group - forms.first) * k;
+            const int64_t count = forms.end - group < LANES ? forms.end - group : LANES;
+            double whole[LANES] = {0.0}, four[LANES];
+            for (int64_t r = 0; r < count; r++) {
+                const double *linear = p->stretch_linear + (group + r) * m, *slope = slopes + r * k;
+                four[r] = 4.0 * p->stretch_sign[group + r];
+                whole[r] = four[r] * at->whole[group + r];
+                const Rows rows = rows_due(body->slice, forms.basis ? 0 : k, (3.0 + 0.06 * (double)k) * (double)k);
+                for (int64_t i = rows.at; i < rows.end; i++)
+                    add_two_rows(four[r] * (linear[i] + 2.0 * slope[i]), slope, four[r] * slope[i], linear, out + i * m, m);
             }
+            /* Of all at once a row is touched once. */
+            const Rows rows = rows_due(body->slice, forms.basis ? k : 0, (double)(8 * k));
+            const int64_t some = rows.end - rows.at;
+            for (int64_t r = 0; r < count; r++)
+                for (int64_t i = 0; i < some; i++) at->row[r * some + i] = 2.0 * four[r] * slopes[r * k + rows.at + i];
+            if (some) add_transposed_product(at->row, slopes, square + rows.at * k, count, some, k);
             add_four(body, whole, forms.packed + (group - forms.first) / LANES * packed_size(k), square, k);
         }
         if (!forms.basis || over(body->slice)) continue;
-        Rows now = rows_due(body->slice, k, (double)(k * m));
+        Rows now = rows_due(body->slice, k, 2.2 * (double)(k * m));
         product(square + now.at * k, forms.basis, at->row + now.at * m, now.end - now.at, k, m);
         /* All rows at once, or some of them: then a column of the basis lies where the square was. */
-        now = rows_due(body->slice, m, (double)(k * m));
+        now = rows_due(body->slice, m, 2.2 * (double)(k * m));
         if (now.end - now.at == m) add_transposed_product(forms.basis, at->row, out, k, m, m);
         for (int64_t j = now.at; j < now.end && now.end - now.at < m; j++) {
             for (int64_t i = 0; i < k; i++) square[i] = forms.basis[i * m + j];

@@ -110,9 +110,9 @@ static int motion_in_scratch(Body *body, const double *q, const double *v, doubl
 
 int body_motion(Body *body, const double *q, const double *v, double *motion, double *rates) {
     double room[ON_STACK];
-    const Scratch own = onto_stack(body, room);
+    const Scratch own = elsewhere(body, room);
     const int answer = motion_in_scratch(body, q, v, motion, rates);
-    body->scratch = own;
+    put_back(body, &own);
     return answer;
 }
 

@@ -12,11 +12,23 @@ static Opened **begin_list(void) {
     return &programs;
 }
 static void end_list(void) { __atomic_clear(&busy, __ATOMIC_RELEASE); }
+double *borrow(Opened *opened) { return __atomic_test_and_set(&opened->lent_out, __ATOMIC_ACQUIRE) ? 0 : opened->lent; }
+void give_back(Opened *opened) { __atomic_clear(&opened->lent_out, __ATOMIC_RELEASE); }
 #else
 /* Without a lock nothing is shared. */
 static Opened **begin_list(void) { return 0; }
 static void end_list(void) {}
+double *borrow(Opened *opened) { return (void)opened, (double *)0; }
+void give_back(Opened *opened) { (void)opened; }
 #endif
+
+int make_lent(Opened *opened, int64_t size) {
+    begin_list();
+    if (!opened->lent) opened->lent = calloc((size_t)size, sizeof(double));
+    const int made = opened->lent != 0;
+    end_list();
+    return made;
+}
 
 Opened *find_opened(const FileMark *mark, const Opened *base) {
     Opened **list = begin_list(), *at = list ? *list : 0;
@@ -58,6 +70,7 @@ void leave_opened(Opened *opened) {
         free(opened->turned_start);
         free(opened->lumped);
         free(opened->alike);
+        free(opened->lent);
         if (opened->image.bytes && !opened->copy) unmap_file(opened->image.bytes, opened->image.size);
         free(opened->copy);
         free(opened);

@@ -18,4 +18,10 @@ const Rule *find_rule(const Opened *opened, double step, double damping_scale);
 /* Let others find a rule: where it is from now on; null where there is no room, or nothing is shared. */
 const Rule *keep_rule(Opened *opened, const Rule *rule, double damping_scale);
 
+/* Make work arrays of so many numbers, for all bodies, where there are none yet; 0 without memory. */
+int make_lent(Opened *opened, int64_t size);
+/* These, until they are given back; null where another thread has them. */
+double *borrow(Opened *opened);
+void give_back(Opened *opened);
+
 #endif

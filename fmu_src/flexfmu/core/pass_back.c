@@ -40,7 +40,7 @@ void add_times_derivative(const Body *body, const Configuration *at, const doubl
     const Rows now = rows_due(body->slice, fours, (double)(12 * p->modes * count));
     const int64_t first = 4 * now.at, many = now.end == fours ? rows - first : 4 * now.end - first;
     if (now.at < now.end) add_product(factors + first, 6 * p->nodes, p->operator_ + first * p->modes, out, count, many, p->modes);
-    if (due(body->slice, (double)(rows * p->modes * count))) add_times_bent(body, at->turned, factors, count, scratch, out);
+    if (due(body->slice, 1.5 * (double)(rows * p->modes * count))) add_times_bent(body, at->turned, factors, count, scratch, out);
 }
 
 void gather(const Body *body, const Configuration *at, double *force, double *moment, double *rows) {
@@ -81,7 +81,7 @@ void take_back(const Body *body, Arena *arena, Back *back) {
 }
 
 void pass_back(const Body *body, const Configuration *at, double *force, double *moment, Back *back, double *out) {
-    if (due(body->slice, (double)(100 * body->p->nodes))) gather(body, at, force, moment, back->rows);
+    if (due(body->slice, (double)(300 * body->p->nodes))) gather(body, at, force, moment, back->rows);
     add_times_derivative(body, at, back->rows, 1, back->bent, out);
 }
 
@@ -173,6 +173,19 @@ static void lever_changes(const Body *body, const double *force, const double *t
     }
 }
 
+/* Rows of out (m, m) += aᵀ b of up to four rows (count, m). */
+static void add_columns(const double *a, const double *b, double *out, int64_t count, int64_t m, Rows now) {
+    if (now.end - now.at == m) {
+        add_transposed_product(a, b, out, count, m, m);
+        return;
+    }
+    for (int64_t j = now.at; j < now.end; j++) {
+        double column[LANES];
+        for (int64_t i = 0; i < count; i++) column[i] = a[i * m + j];
+        add_transposed_product(column, b, out + j * m, count, 1, m);
+    }
+}
+
 /* out (m, m) += what rows (6K) of loads on b and phi make of the curvature. */
 static void add_curvature_stiffness(const Body *body, const double *rows, LoadSlope *room, double *out) {
     const Program *p = body->p;
@@ -185,7 +198,7 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
         const Bend *bend = body->opened->bends + part;
         const double *curvature = bend->curvature;
         const int64_t groups = packed_groups(r), size = packed_size(r);
-        const double cost = packed_cost(r);
+        const double cost = added_cost(r);
         clear_rows(square, r, rows_due(body->slice, r, cost_of_copy(r)));
         for (int64_t first = 0; first < bend->count && !over(body->slice); first += LANES, curvature += size) {
             double factors[LANES] = {0.0};
@@ -199,24 +212,24 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
             continue;
         }
         /* Basisᵀ square basis, some rows of the middle at a time. */
-        const Rows now = rows_due(body->slice, r, (double)((m + r) * m));
-        for (int64_t i = now.at; i < now.end; i += LANES) {
-            const int64_t rows_now = now.end - i < LANES ? now.end - i : LANES;
-            product(square + i * r, basis, one, rows_now, r, m);
-            add_transposed_product(basis + i * m, one, out, rows_now, m, m);
+        for (int64_t i = 0; i < r && !over(body->slice); i += LANES) {
+            const int64_t count = r - i < LANES ? r - i : LANES;
+            const double of_row = 1.2 * (double)(r * m), of_column = (1.4 + 0.7 * (double)count) * (double)m;
+            if (dealt_with(body->slice, count + m, ((double)count * of_row + (double)m * of_column) / (double)(count + m))) continue;
+            Rows now = rows_due(body->slice, count, of_row);
+            product(square + (i + now.at) * r, basis, one + now.at * m, now.end - now.at, r, m);
+            now = rows_due(body->slice, m, of_column);
+            add_columns(basis + i * m, one, out, count, m, now);
         }
     }
 }
 
+static double three_cost(int64_t m) { return 4.0 * (double)m; }
 /* out (m, m) += aᵀ b of three rows (3, m). */
 static void add_three_products(const Body *body, const double *a, const double *b, double *out) {
     const int64_t m = body->p->modes;
-    const Rows now = rows_due(body->slice, m, (double)(3 * m));
-    for (int64_t i = 0; i < 3 && now.at < now.end && !all_zero(b, 3 * m); i++)
-        if (now.end - now.at == m)
-            add_transposed_product(a + i * m, b + i * m, out, 1, m, m);
-        else
-            for (int64_t j = now.at; j < now.end; j++) add_rows(a + i * m + j, b + i * m, out + j * m, 1, m);
+    const Rows now = rows_due(body->slice, m, three_cost(m));
+    if (now.at < now.end && !all_zero(b, 3 * m)) add_columns(a, b, out, 3, m, now);
 }
 
 /* What turns with a node (3, m) as the loads on it and beyond it move: in the parent's axes, in `other`. */
@@ -269,7 +282,7 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
         add_curvature_stiffness(body, room->rows, room, out);
         return;
     }
-    if (due(body->slice, (double)(100 * n))) {
+    if (due(body->slice, (double)(300 * n))) {
         memcpy(room->total, force, (size_t)(3 * n) * sizeof(double));
         memcpy(room->about, moment, (size_t)(3 * n) * sizeof(double));
         gather(body, at, room->total, room->about, room->rows);
@@ -278,7 +291,7 @@ void add_load_stiffness(const Body *body, const Configuration *at, const double 
     for (int64_t k = 0; k < n && !over(body->slice); k++) {
         const int64_t on = p->parent[k];
         const int64_t pieces = 1 + (1 + m) * (on >= 0 ? 2 : 1);
-        const double cost = (double)size * ((on >= 0 ? PULLED + (double)m : 0.0) + 2.0 * HALF_TURNED + (double)m);
+        const double cost = (double)size * ((on >= 0 ? PULLED : 0.0) + 2.0 * HALF_TURNED) + (double)(on >= 0 ? 2 * m : m) * three_cost(m);
         if (dealt_with(body->slice, pieces, cost / (double)pieces)) continue;
         if (on >= 0) {
             if (due(body->slice, PULLED * (double)size)) {

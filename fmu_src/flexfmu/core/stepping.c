@@ -243,6 +243,8 @@ static int step_in_workspace(Body *body, const double *inputs, const double *inp
     return FLEX_OK;
 }
 
+void foresee_steps(Body *body, double step) { rule_of(body, step); }
+
 void fetch_body(const Body *body) {
     fetch(body, body->rules);
     fetch(body->deformed.q, body->p->frames ? body->rate + body->p->modes : body->deformed.q + body->p->modes);
@@ -251,8 +253,8 @@ void fetch_body(const Body *body) {
 int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
               int64_t *hint, Work *work) {
     double room[ON_STACK];
-    const Scratch own = onto_stack(body, room);
+    const Scratch own = elsewhere(body, room);
     const int answer = step_in_workspace(body, inputs, inputs_end, step, q, v, hint, work);
-    body->scratch = own;
+    put_back(body, &own);
     return answer;
 }

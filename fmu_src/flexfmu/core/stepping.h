@@ -14,6 +14,8 @@ int steps_are_exact(const Body *body);
 int body_step(Body *body, const double *inputs, const double *inputs_end, double step, double *q, double *v,
                           int64_t *hint, Work *work);
 
+/* Find what internal steps of a length have in common, before one is taken. */
+void foresee_steps(Body *body, double step);
 /* Ask for the memory that a step uses. */
 void fetch_body(const Body *body);
 

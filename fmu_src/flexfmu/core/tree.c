@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "algebra.h"
+#include "opened.h"
 
 static const double IDENTITY[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 
@@ -32,12 +33,28 @@ void take_scratch(const Body *body, Arena *arena, int64_t work_size, Scratch *sc
     scratch->work_size = work_size;
 }
 
+int64_t scratch_size(const Body *body, int64_t work_size) { return work_size + (2 + LANES) * body->p->modes; }
+
 Scratch onto_stack(Body *body, double *room) {
     const Scratch own = body->scratch;
-    const int64_t rest = ON_STACK - (2 + LANES) * body->p->modes;
+    const int64_t rest = ON_STACK - scratch_size(body, 0);
     Arena arena = {room, 0, ON_STACK, 0};
     if (body->step_size <= rest) take_scratch(body, &arena, own.work_size < rest ? own.work_size : rest, &body->scratch);
     return own;
+}
+
+Scratch elsewhere(Body *body, double *room) {
+    const Scratch own = onto_stack(body, room);
+    if (body->scratch.work != own.work) return own;
+    const int64_t size = scratch_size(body, own.work_size);
+    Arena arena = {borrow(body->opened), 0, size, 0};
+    if (arena.start) take_scratch(body, &arena, own.work_size, &body->scratch);
+    return own;
+}
+
+void put_back(Body *body, const Scratch *own) {
+    if (body->scratch.end_q == body->opened->lent) give_back(body->opened);
+    body->scratch = *own;
 }
 
 int64_t moving_rows(const Program *p) { return 6 * p->nodes - 3 * p->lumps; }
@@ -52,7 +69,7 @@ const double *part_basis(const Program *p, int64_t part) {
 void part_coordinates(const Program *p, const double *q, Slice *slice, double *x) {
     for (int64_t i = 0; i < p->parts; i++, x += p->modes) {
         const double *basis = part_basis(p, i);
-        const Rows now = rows_due(slice, basis ? p->extent[i] : 1, (double)p->modes);
+        const Rows now = rows_due(slice, basis ? p->extent[i] : 1, (double)(2 * p->modes));
         if (basis)
             rows_times(basis + now.at * p->modes, q, x + now.at, now.end - now.at, p->modes);
         else if (now.at < now.end)
@@ -66,7 +83,8 @@ int wanted(const Program *p, const Need *need, int64_t row) {
 }
 
 /* A number that comes from memory that is far away costs as much as four that do not. */
-double packed_cost(int64_t r) { return (double)(2 * LANES * r * r / packed_groups(r)); }
+static double packed_cost(int64_t r) { return 1.4 * (double)(LANES * r * r) / (double)packed_groups(r); }
+double added_cost(int64_t r) { return (r < 65 ? 0.65 + 0.03 * (double)r : 2.6) * packed_cost(r); }
 
 void four_rows(const Body *body, const double *packed, const double *x, double *rows, int64_t r) {
     const int64_t groups = packed_groups(r);
@@ -82,7 +100,7 @@ void four_rows(const Body *body, const double *packed, const double *x, double *
 
 void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r) {
     const int64_t groups = packed_groups(r);
-    const Rows now = rows_due(body->slice, groups, packed_cost(r));
+    const Rows now = rows_due(body->slice, groups, added_cost(r));
     if (now.at < now.end && !all_zero(factors, LANES)) add_packed(factors, packed, out, r, now.at, now.end);
 }
 
@@ -107,19 +125,22 @@ void turn_rows(const Body *body, const Need *need, const double *bent, double *t
 /* b and phi from their linear part and the curvature's share in their derivatives. */
 static void bend_rows(const Body *body, const Need *need, Configuration *at) {
     const Program *p = body->p;
-    memcpy(at->local, at->straight, (size_t)(6 * p->nodes) * sizeof(double));
+    if (due(body->slice, (double)(6 * p->nodes))) memcpy(at->local, at->straight, (size_t)(6 * p->nodes) * sizeof(double));
     for (int64_t part = 0; part < p->parts; part++) {
         const Bend *bend = body->opened->bends + part;
         const int64_t r = p->extent[part];
-        for (int64_t k = 0; k < bend->count; k++)
+        const Rows now = rows_due(body->slice, bend->count, 1.5 * (double)r);
+        for (int64_t k = now.at; k < now.end; k++)
             if (wanted(p, need, bend->row[k]))
                 at->local[bend->row[k]] += 0.5 * dot(at->turned + bend->start + k * r, at->bent + part * p->modes, r);
     }
 }
 
 /* The pass outwards, (4) and (6). What is not needed stays where it was undeformed. */
-static void place(const Program *p, const Need *need, Configuration *at) {
-    for (int64_t k = 0; k < p->nodes; k++) {
+static void place(const Body *body, const Need *need, Configuration *at) {
+    const Program *p = body->p;
+    const Rows now = rows_due(body->slice, p->nodes, 1.5 * NODE);
+    for (int64_t k = now.at; k < now.end; k++) {
         const int64_t on = p->parent[k];
         const double *parent = on < 0 ? IDENTITY : at->rotation + 9 * on;
         double *b = at->local + 3 * k, arm[3], relative[9];
@@ -159,8 +180,8 @@ void configure_linear(const Body *body, const Need *need, const double *q, Confi
 }
 
 void configure_places(const Body *body, const Need *need, Configuration *at) {
-    if (due(body->slice, 1.5 * (double)body->opened->bend_rows)) bend_rows(body, need, at);
-    if (due(body->slice, (double)(NODE * body->p->nodes))) place(body->p, need, at);
+    bend_rows(body, need, at);
+    if (!over(body->slice)) place(body, need, at);
 }
 
 void configure(const Body *body, const double *q, Configuration *at) {

@@ -12,6 +12,11 @@ void take_scratch(const Body *body, Arena *arena, int64_t work_size, Scratch *sc
 enum { ON_STACK = 8192 };
 /* Let it lie in `room` (ON_STACK) if a step needs no more; where it was, to be put back. */
 Scratch onto_stack(Body *body, double *room);
+/* The same, or where bodies of one program lend it to each other, unless another thread has it: until it is put back. */
+Scratch elsewhere(Body *body, double *room);
+void put_back(Body *body, const Scratch *own);
+/* Numbers that it takes. */
+int64_t scratch_size(const Body *body, int64_t work_size);
 /* Cost of that, in multiplications. */
 double configuration_cost(const Body *body);
 /* All that is linear in q, what places are made of; null `need`: all. */
@@ -43,6 +48,6 @@ void turn_rows(const Body *body, const Need *need, const double *bent, double *t
 void four_rows(const Body *body, const double *packed, const double *x, double *rows, int64_t r);
 void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r);
 /* Cost of a piece of the latter, of which there are as many as groups. */
-double packed_cost(int64_t r);
+double added_cost(int64_t r);
 
 #endif
