@@ -196,6 +196,7 @@ void set_parameter(Instance *x, int64_t index, double value) {
 int parameter_is_tunable(int64_t index) { return index < P_FIXED && PARAMETERS[index].variability == TUNABLE; }
 
 void set_inputs(Instance *x, int64_t index, int64_t count, const double *values) {
+    fetch(x->single, x->single + 1);
     const size_t size = (size_t)count * sizeof(double);
     if (memcmp(x->input + index, values, size) == 0) return;
     memcpy(x->input + index, values, size);
@@ -470,7 +471,6 @@ static Answer step_at_rest(Instance *x, double time, double step, char *why) {
     const int as_given = x->scale.force == 1.0 && x->scale.acceleration == 1.0;
     if (!as_given) scale_inputs(&x->scale, description(x), x->previous, x->over->start_inputs);
     const double *inputs = as_given ? x->previous : x->over->start_inputs;
-    leave_to_looks(x, 0.0);
     const Answer verdict = inspect(x, x->q, x->v, x->scale.pace * step, inputs, 1, why);
     if (verdict != ANSWER_OK) return instance_failed(x, verdict);
     x->single[S_TIME] = time + step;

@@ -50,8 +50,12 @@ typedef enum { ANSWER_OK, ANSWER_REFUSED, ANSWER_FAILED } Answer;
 /* What a call has to say: `status` is an FMI status. */
 typedef void (*Teller)(void *to, int status, const char *text);
 
-/* REST: nothing moved in the last step; ZERO, known at rest alone: nor does anything deform, or is off. */
-enum { CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4, CACHED_ERROR = 8, CACHED_REST = 16, CACHED_ZERO = 32 };
+/* REST: nothing moved in the last step; ZERO, known at rest alone: nor does anything deform, or is off; QUIET: and nothing is looked
+ * at, so that only counts and times go on, those of the others. */
+enum {
+    CACHED_MOTION = 1, CACHED_STRESS = 2, CACHED_COMPLIANCE = 4, CACHED_ERROR = 8, CACHED_REST = 16, CACHED_ZERO = 32, CACHED_QUIET = 64,
+    CACHED_SEEN = 128, CACHED_MIXED = 256, CACHED_ASTRAY = 512
+};
 
 /* What calls overwrite: loads at a step's start and end, (L) like `room`; where it ends, (m) like `shape`; loads that were last looked
  * at, and drift, (L + 3m); where steps have led astray, (3m). */

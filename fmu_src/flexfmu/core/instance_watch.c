@@ -118,12 +118,43 @@ static int may_refuse(const Monitor *monitor) {
     return refuses;
 }
 
+/* What goes on in steps that are as one before at rest, where nothing else changes, now or later; 0 where something may. */
+static int quiet(const Instance *x, const Memory *before, const Memory *after, double step) {
+    const Looking *looks = &after->looking;
+    Memory would = *before;
+    int on = CACHED_QUIET;
+    if (after->error.steps != before->error.steps) would.error.steps += 1.0, on |= CACHED_SEEN;
+    if (after->course.truncation.time != before->course.truncation.time) would.course.truncation.time += step, on |= CACHED_MIXED;
+    if (after->course.astray.time != before->course.astray.time) would.course.astray.time += step, on |= CACHED_ASTRAY;
+    if (memcmp(&would, after, sizeof would) != 0 || x->body->p->rigid || looks->under_way != 0.0) return 0;
+    for (int kind = 0; kind < WAITING; kind++)
+        if (looks->waiting[kind] != 0.0) return 0;
+    for (int k = 0; k < CAUSES; k++)
+        if (after->course.astray.off[k] != 0.0) return 0;
+    /* The error is looked at again where energy is another than then, or at every step. */
+    const int looked = x->shadow && x->parameter[P_ERROR_LIMIT] > 0.0;
+    return !looked || ((on & CACHED_SEEN) && after->error.energy == x->pieces.energy) ? on : 0;
+}
+
+static void rest_quietly(Instance *x, double step) {
+    fetch(x->motion, x->numbers);
+    if (x->cached & CACHED_SEEN) x->single[S_SEEN + offsetof(ErrorMemory, steps) / sizeof(double)] += 1.0;
+    if (x->cached & CACHED_MIXED) x->single[S_COURSE + offsetof(Course, truncation.time) / sizeof(double)] += step;
+    if (x->cached & CACHED_ASTRAY) x->single[S_COURSE + offsetof(Course, astray.time) / sizeof(double)] += step;
+}
+
 /* Look at where a step of the body ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there. */
 Answer inspect(Instance *x, const double *q, const double *v, double step, const double *inputs, int rests, char *why) {
+    if (rests && (x->cached & CACHED_QUIET)) {
+        rest_quietly(x, step);
+        return ANSWER_OK;
+    }
+    if (rests) leave_to_looks(x, 0.0);
     const Bounds bounds = {x->parameter[P_BOUND_ROTATION], x->parameter[P_BOUND_DISPLACEMENT]};
     const Monitor monitor = monitor_of(x);
     StepEnd end = {q, v, x->motion, inputs, step, x->q, x->v, rests, rests, 0};
     Memory memory = recalled(x);
+    const Memory before = memory;
     Findings found;
     Answer answer = ANSWER_OK;
     const int64_t m = x->body->p->modes;
@@ -152,5 +183,6 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
     keep_memory(x, &memory);
     tell_warnings(x, &found);
     x->cached = CACHED_MOTION | (still ? CACHED_REST : 0) | (end.zero ? CACHED_ZERO : 0);
+    if (end.zero && !found.count) x->cached |= quiet(x, &before, &memory, step);
     return ANSWER_OK;
 }
