@@ -372,7 +372,7 @@ def test_a_shadow_that_does_not_bear_reference_loads_counts_only_where_the_own_o
     monkeypatch.setattr("flexfmu.body.reference_loads._TOLD", 0.0)
     for signs in ((1.0, 1.0), (1.0, -1.0)):
         forms = np.zeros((2, omega.size, omega.size))
-        for mode, (_, name, force) in enumerate(reference_loads(FlexibleBody(reduced), back=False)):
+        for mode, (_, name, force, _) in enumerate(reference_loads(FlexibleBody(reduced), back=False)):
             state = FlexibleBody(reduced.shadow.body, "second_order").static({name: force})
             place = np.argmax(np.abs(omega * state.q))
             forms[mode, place, place] = (1.0, 4.0)[mode] * omega[place] / abs(state.q[place])

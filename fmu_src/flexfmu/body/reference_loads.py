@@ -8,7 +8,7 @@ import numpy as np
 from ..files.basics import EquilibriumError, FloatArray
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody, Shadow
-from .flexible_body import FlexibleBody
+from .flexible_body import FlexibleBody, State
 
 # Reference loads turn an interface by so much (rad), or move it by such a share of the body's size, in linear theory.
 _TURN, _MOVE = 0.5, 0.2
@@ -31,7 +31,7 @@ _SLIGHT, _TOLD = 5e-3, 0.05
 
 def reference_loads(
     model: FlexibleBody, *others: FlexibleBody, back: bool = True
-) -> Iterator[tuple[str, str, FloatArray]]:
+) -> Iterator[tuple[str, str, FloatArray, State]]:
     """Forces on each interface across the directions in which it is stiff, as far as the body bears them.
 
     None of them hangs on round-off, which turns axes that are equally soft, and reverses any. What it never bears is
@@ -52,6 +52,8 @@ def reference_loads(
     interface : str
     force : (3,) float
         N.
+    state : State
+        Of the model, under it.
     """
     body = model.model
     size = float(np.ptp(np.array(body.properties.box), axis=0).max()) if body.properties else 0.0
@@ -68,20 +70,18 @@ def reference_loads(
             force = min(_MOVE * size / softness[number], _TURN / max(float(np.linalg.norm(turns @ way)), 1e-300)) * way
             for _ in range(_HALVES):
                 try:
-                    for one in (model, *others):
-                        one.static({name: force.tolist()})
+                    state, *_ = [one.static({name: force.tolist()}) for one in (model, *others)]
                     break
                 except EquilibriumError:
                     force = 0.5 * force
             else:
                 continue
-            yield f"{name}_{3 - number}{'' if sign > 0.0 else '_back'}", name, force
+            yield f"{name}_{3 - number}{'' if sign > 0.0 else '_back'}", name, force, state
 
 
 def _bent(model: FlexibleBody, factor: float) -> Iterator[FloatArray]:
     """So many times the coordinates (m,) under each reference load."""
-    for _, name, force in reference_loads(model):
-        yield factor * model.static({name: force.tolist()}).q
+    yield from (factor * state.q for *_, state in reference_loads(model))
 
 
 def keeps_its_mass(body: ReducedBody) -> bool:
@@ -118,7 +118,7 @@ def apart(body: ReducedBody, *shadows: Shadow | None, first: ReducedBody | None 
     """
     every = _with(body, *shadows)
     off = np.zeros(len(every) - 1)
-    for _, name, force in reference_loads(*(every[:1] if first is None else _with(first, first.shadow))):
+    for _, name, force, _ in reference_loads(*(every[:1] if first is None else _with(first, first.shadow))):
         try:
             own, *rest = (one.response(one.static({name: force.tolist()})).displacement for one in every)
             off = np.maximum(off, [np.linalg.norm(own - one) / np.linalg.norm(own) for one in rest])

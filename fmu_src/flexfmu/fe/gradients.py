@@ -21,14 +21,15 @@ from .shells import face_rule, face_stress, inner_rule, local_stress
 
 # Numbers of a field of pairs that are held at a time: they stay in the processor's cache, which halves the time.
 _NUMBERS = 150_000
-# Rows at a time of which only the upper triangle is wanted.
-_STRIP = 128
+# Rows at a time of which only the upper triangle is wanted, and fields; strains that are summed up at a time: sums are
+# as large as what they are made of.
+_STRIP, _FIELDS, _ROWS = 128, 16, 400
 
 
 def _some(mesh: Mesh, pairs: int, tell: Tell = tell_nobody) -> Iterator[Cells]:
     """Elements, few at a time: of so many pairs or fields."""
     done = 0
-    for some in elastic_cells(mesh, 0, _NUMBERS // pairs):
+    for some in elastic_cells(mesh, 0, max(_ROWS, _NUMBERS // pairs)):
         yield some
         done += len(some.nodes)
         tell(done)
@@ -54,15 +55,16 @@ def geometric_stiffness(mesh: Mesh, fields: FloatArray, shapes: FloatArray) -> F
         ∫ σ_JK ∂φ_a/∂X_J · ∂φ_b/∂X_K dV, 1/s² per that unit; symmetric in a and b.
     """
     u, phi, m = *(some.reshape(len(mesh.points), 3, -1) for some in (fields, shapes)), shapes.shape[1]
-    pairs = np.stack(np.triu_indices(m), axis=1)
-    found = np.zeros((u.shape[2], len(pairs)))
-    # Larger pieces: what is summed up is as large as what it is summed from.
-    for some in _some(mesh, max(len(pairs), u.shape[2]) // 4 + 1):
-        strain, work = some.products(some.slopes(phi), pairs), some.work(some.strains(u))
-        found += work.reshape(-1, u.shape[2]).T @ strain.reshape(-1, len(pairs))
-    result = np.empty((u.shape[2], m, m))
-    # The strain of second order is half of what stress takes.
-    result[:, pairs[:, 0], pairs[:, 1]] = result[:, pairs[:, 1], pairs[:, 0]] = 2.0 * found
+    result = np.zeros((u.shape[2], m, m))
+    for some in elastic_cells(mesh, 0, max(_ROWS, 4 * _NUMBERS // max(u.shape[2], m * min(m, _FIELDS)))):
+        slopes, work = some.slopes(phi), 2.0 * some.work(some.strains(u)).reshape(-1, u.shape[2]).T
+        # The upper triangle, by strips. The strain of second order is half of what stress takes.
+        for first in range(0, m, _FIELDS):
+            strain = some.all_products(slopes[..., first : first + _FIELDS], slopes[..., first:])
+            strain = strain.reshape(-1, *strain.shape[2:])
+            result[:, first : first + _FIELDS, first:] += np.tensordot(work, strain, 1)
+    for one in result:
+        one[:] = np.triu(one) + np.triu(one, 1).T
     return result
 
 
@@ -88,14 +90,13 @@ def quadratic_strain(mesh: Mesh, shapes: FloatArray, pairs: IntArray, tell: Tell
         ∫ E_ab : C : E_cd dV, J/(kg m²)².
     """
     phi = shapes.reshape(len(mesh.points), 3, -1)
-    forces = np.zeros((len(mesh.points), 3, len(pairs)))
-    energies = np.zeros((len(pairs), len(pairs)))
+    forces, energies = np.zeros((len(mesh.points), 3, len(pairs))), np.zeros((len(pairs), len(pairs)))
     for some in _some(mesh, len(pairs), tell):
         strain = some.products(some.slopes(phi), pairs)
         work = some.work(strain)
         nodal, relaxed = some.relaxed(some.nodal(work))
         add_nodal(forces, some.nodes, nodal)
-        energies -= relaxed
+        energies[: len(relaxed), : len(relaxed)] -= relaxed
         left, right = strain.reshape(-1, len(pairs)), work.reshape(-1, len(pairs))
         # The upper triangle, by strips.
         for first in range(0, len(pairs), _STRIP):
@@ -172,10 +173,10 @@ def turned_stress(mesh: Mesh, shapes: FloatArray, forces: FloatArray, pairs: Int
     spin /= np.where(volume > 0.0, volume, 1.0)[:, None, None, None]
     applied = forces.reshape(count, 3, modes)
     # One by one: rotations of all pairs at once would take three times what the forces do.
-    for pair, (a, b) in enumerate(pairs):
-        both = np.einsum("nij,nj->ni", spin[..., a], applied[..., b])
-        both += np.einsum("nij,nj->ni", spin[..., b], applied[..., a])
-        result[..., pair] -= 0.5 * both
+    for a in np.unique(pairs[:, 0]):
+        chosen = pairs[:, 0] == a
+        both = spin[..., a] @ applied[..., b := pairs[chosen, 1]]
+        result[..., chosen] -= 0.5 * (both + np.einsum("nijb,nj->nib", spin[..., b], applied[..., a]))
     return result.reshape(3 * count, -1)
 
 

@@ -108,14 +108,17 @@ class Cells:
 
     def products(self, slopes: FloatArray, pairs: IntArray) -> FloatArray:
         """Strains (e, r, p), shear twice, of second order of pairs (p, 2) of fields: ½ sym G_aᵀ G_b."""
-        i, j = self.rows.T
         first, second = (np.unique(one, return_inverse=True) for one in pairs.T)
         # Products of all that are in any pair: small matrices, several times as fast as pair by pair.
-        left = np.where(i == j, 0.25, 0.5)[:, None, None] * np.concatenate([slopes[:, i], slopes[:, j]], axis=2)
-        right = np.concatenate([slopes[:, j], slopes[:, i]], axis=2)
-        every = left[..., first[0]].swapaxes(2, 3) @ right[..., second[0]]
+        every = self.all_products(slopes[..., first[0]], slopes[..., second[0]])
         # Twice as fast as an index, since it does not look for those out of range.
         return every.reshape(*every.shape[:2], -1).take(first[1] * len(second[0]) + second[1], axis=2, mode="clip")
+
+    def all_products(self, one: FloatArray, other: FloatArray) -> FloatArray:
+        """The same (e, r, k, l) of all pairs of two kinds of slopes (e, s, 3, k) and (e, s, 3, l)."""
+        i, j = self.rows.T
+        left = np.where(i == j, 0.25, 0.5)[:, None, None] * np.concatenate([one[:, i], one[:, j]], axis=2)
+        return left.swapaxes(2, 3) @ np.concatenate([other[:, j], other[:, i]], axis=2)
 
     def strains(self, fields: FloatArray) -> FloatArray:
         """Strains (e, r, k), shear twice, of displacements (n, 3, k)."""
@@ -179,11 +182,11 @@ class Cells:
         forces : (e, a, 3, k) float
             N.
         energies : (k, k) float
-            What relaxing takes away of twice the strain energy, J.
+            What relaxing takes away of twice the strain energy, J; (0, 0) where elements have no such functions.
         """
         outer, amplitude = nodal[:, : self.nodes.shape[1]], self._own_response(nodal)
         if not amplitude.size:
-            return outer, np.zeros((nodal.shape[3], nodal.shape[3]))
+            return outer, np.zeros((0, 0))
         inner = nodal[:, self.nodes.shape[1] :].reshape(amplitude.shape)
         back = self.elastic[:, : self.own.start, self.own] @ amplitude
         energies: FloatArray = np.einsum("eik,eil->kl", inner, amplitude, optimize=True)

@@ -129,8 +129,11 @@ class _Basis:
     stretched: bool = False
 
     def stretching(self, divided: _Divided) -> Stretching:
-        """What is asked for how the modes stretch."""
-        return Stretching(self.matrices, self.modes, divided.unit_loads(), self.key, bool(divided.springs))
+        """What is asked for how the modes stretch; what was asked last is known."""
+        loads, tied = divided.unit_loads(), bool(divided.springs)
+        make = partial(Stretching, self.matrices, self.modes, loads, self.key, tied)
+        found: Stretching = self.matrices.store.last("stretching", content_key(self.key, loads, tied), make)
+        return found
 
 
 def reduced_piece(

@@ -38,10 +38,8 @@ def third_order_motion(body: ReducedBody, motions: FloatArray, amplitudes: Float
     assert body.second is not None
     parents, frames = np.concatenate([body.frame_parent, body.interface_frame]), body.frame_count
     points = np.concatenate([body.joint_point, body.interface_point])
-    linear = np.stack([
-        np.concatenate([body.joint_displacement, body.interface_displacement]),
-        np.concatenate([body.frame_rotation, body.interface_rotation]),
-    ])  # fmt: skip
+    moved = (body.joint_displacement, body.interface_displacement), (body.frame_rotation, body.interface_rotation)
+    linear = np.stack([np.concatenate(both) for both in moved])
     bent = np.stack([body.second.displacement, body.second.rotation])[:, : len(points)]
     products = 0.5 * np.einsum("ka,kb->kab", amplitudes, amplitudes).reshape(len(amplitudes), -1)
 

@@ -102,7 +102,7 @@ def reference_scene(given: BodyFile, store: Store) -> SceneFile:
         raise SceneError("a body that is free to move has no equilibrium: give loads over time by --scene")
     cases = [
         StaticTable(name=name, loads=dict(zip((f"{of}.force.{axis}" for axis in AXES), force.tolist(), strict=True)))
-        for name, of, force in reference_loads(FlexibleBody(body), back=False)
+        for name, of, force, _ in reference_loads(FlexibleBody(body), back=False)
     ]
     return SceneFile(static=cases)
 
@@ -112,10 +112,8 @@ def own_error(body: ReducedBody) -> str:
     if body.rigid_count or body.properties is None or body.shadow is None:
         return ""
     model, worst = FlexibleBody(body), (-1.0, "")
-    for _, name, force in reference_loads(model):
-        loads = {name: force.tolist()}
-        state = model.static(loads)
-        found = model.error(state, loads)
+    for _, name, force, state in reference_loads(model):
+        found = model.error(state, {name: force.tolist()})
         moved = np.linalg.norm(model.response(state).displacement[body.interface_names.index(name)])
         size = f"up to {100.0 * found.relative:.2g} %" if found.relative < _WRONG else f"more than {100.0 * _WRONG:g} %"
         words = f"{size} under {np.linalg.norm(force):.3g} N on {name}, which moves by {moved:.3g} m"
