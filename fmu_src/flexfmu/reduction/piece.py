@@ -57,10 +57,8 @@ from .watched import watched_material
 _SPREAD, _SHORT = 0.1, 0.25
 # How far from the middle of a bore all its nodes are, over the farthest: all of it is one joint.
 _HOLLOW = 0.25
-# Share of the body's nodes that no interface is likely to have.
-_MOST = 0.9
-# Share of deflections that a coarse mesh may lack in silence.
-_JUMPS = 0.05
+# Share of the body's nodes that no interface is likely to have; of deflections that a coarse mesh lacks in silence.
+_MOST, _JUMPS = 0.9, 0.05
 # Frames of the tree that the mass of the turned body is taken from.
 _FINE = 8
 
