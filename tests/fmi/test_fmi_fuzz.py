@@ -14,12 +14,15 @@ import pytest
 import fuzzed
 from bodies import random_body
 from driven import RUNTIMES
+from flexfmu.api import Body
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.core.building import system_compiler
 from flexfmu.fmu.description import Runtime
 from flexfmu.fmu.package import package_fmu
+from flexfmu.mesh.elements import ElementType
 from flexfmu.model.reduced_body import GROUND, Masses, ReducedBody, StressSet
 from flexfmu.program.variable_table import variable_table
+from meshes import box
 from native_master.bare_fmi2 import Fmu
 
 SCRIPTS = Path(__file__).parents[1] / "native_master"
@@ -182,6 +185,20 @@ def test_twenty_threads_with_instances_of_their_own_do_not_mix(kinds, runtime, t
         pytest.skip("a program in C has no Python in it")
     program = compiled("threads.c", tmp_path / "threads")
     words = [str(program), *unpacked(kinds / f"{kind}.fmu", tmp_path / "fmu"), "20", "3", "30"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert done.stdout.splitlines()[-1:] == ["all alike"], (done.returncode, done.stdout, done.stderr)
+
+
+def test_threads_whose_bodies_are_too_large_for_the_stack_do_not_mix(tmp_path):
+    """Bodies of one program lend each other their work arrays, of one thread at a time."""
+    mesh = box(ElementType.C3D20, (8, 1, 1), (0.4, 0.02, 0.01))
+    ends = {"tip": "TIP", "root": "ROOT"}
+    body = Body(mesh, interfaces=ends, free=True, name="bar").build(
+        method="frames", frames=4, surface=False, modes=40, mass="configuration"
+    )
+    package_fmu(body.reduced, tmp_path / "large.fmu")
+    program = compiled("threads.c", tmp_path / "threads")
+    words = [str(program), *unpacked(tmp_path / "large.fmu", tmp_path / "fmu"), "4", "2", "30"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     assert done.stdout.splitlines()[-1:] == ["all alike"], (done.returncode, done.stdout, done.stderr)
 
