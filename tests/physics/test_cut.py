@@ -451,7 +451,7 @@ def test_a_step_of_a_body_that_stretches_leads_back_in_time(cut, random, of_part
     held = np.sum((cut.angular_frequency * start.q) ** 2) / np.sum((forms @ start.q @ start.q) ** 2)
     signs = np.where(np.arange(len(forms)) % 3, 1.0, -0.2)
     stretched = replace(
-        cut, membrane=Membrane(np.sqrt(0.5 * held) * forms, np.zeros((len(forms), cut.mode_count)), signs)
+        cut, membrane=Membrane(np.sqrt(0.5 * held) * forms, np.zeros((len(forms), cut.mode_count)), signs, signs)
     )
     model = FlexibleBody(stretched, damping_scale=0.0, limits=StepLimits(tolerance=10.0))
     assert (compile_draft(stretched, Method.SECOND_ORDER).arrays["stretch_rows"].sum() > 0) == of_parts

@@ -100,7 +100,7 @@ def test_shapes_by_which_a_body_evades_its_stretch_stay_coordinates(reduced, fol
     assert 0 < shapes.sum() < body.mode_count
     assert error(body, case, {"crown": way}) < limit
     held = body.membrane
-    without = Membrane(held.quadratic[~shapes], held.linear[~shapes], held.sign[~shapes])
+    without = Membrane(held.quadratic[~shapes], held.linear[~shapes], held.sign[~shapes], held.stiff[~shapes])
     assert error(replace(body, membrane=without), case, {"crown": way}) > 0.15
 
 

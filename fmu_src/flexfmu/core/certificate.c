@@ -13,7 +13,7 @@
 #include "tree.h"
 
 /* Blocks of pieces: of the body, and of a step of Newton's method. Of each `blocks` holds how many each has. */
-enum { BODY, PLACES, FORCES, TANGENT, FACTORS, SOFTEST, BLOCKS };
+enum { BODY, PLACES, FORCES, TANGENT, EASING, FACTORS, SOFTEST, BLOCKS };
 
 /* Of the shadow: what its forces are made in; its coordinates, what is left of its forces, its tangent, in coordinates of unit
  * energy (e, e). Of the body: its coordinates without elastic ones, what is left of its own forces, tension (T, 4, 3) of its
@@ -29,9 +29,9 @@ typedef struct {
     double blocks[2 * BLOCKS];
 } Room;
 /* Numbers found on the way: the largest deflection, and that by inertia; how soft an interface is; by how much second order
- * within frames moves interfaces, of that what more frames do not change, flattening, and membrane energy; strain; whether
- * joints are taken without tension. */
-enum { REACH, TURNED, INERTIA, SOFT, OWN, WITHIN, FLAT, STRAIN, SLACK, FOUND };
+ * within frames moves interfaces, of that what more frames do not change, flattening, and membrane energy; strain; how the
+ * error is looked for again. */
+enum { REACH, TURNED, INERTIA, SOFT, OWN, WITHIN, FLAT, STRAIN, OTHERWISE, FOUND };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = body->p;
@@ -88,36 +88,12 @@ int is_shadow(const Body *shadow, const Body *body) {
     return s->embedded == p->modes && s->rigid == p->rigid && s->loads == p->loads && s->interfaces == p->interfaces && (!p->ties || p->ties == s->ties);
 }
 
-/* Position and rotation (I, 12) of the interfaces. */
-static void places_in(const Program *p, const Configuration *at, double *out) {
-    for (int64_t i = 0; i < p->interfaces; i++) {
-        memcpy(out + 12 * i, at->position + 3 * (p->frames + i), 3 * sizeof(double));
-        memcpy(out + 12 * i + 3, at->rotation + 9 * (p->frames + i), 9 * sizeof(double));
-    }
-}
-
-/* The same where frames turn, and nothing within them is of second order. */
+/* Places of the interfaces where frames turn, and nothing within them is of second order. */
 static void places_by_frames(const Body *body, Configuration *at, double *out) {
     const Program *p = body->p;
     if (due(body->slice, (double)p->modes)) memset(at->bent, 0, (size_t)(p->parts * p->modes) * sizeof(double));
     configure_places(body, 0, at);
     if (due(body->slice, (double)(12 * p->interfaces))) places_in(p, at, out);
-}
-
-/* Distance and angle (I, 2) between places; the largest distance is returned. */
-static double apart(const double *a, const double *b, int64_t interfaces, double *out) {
-    double largest = 0.0;
-    for (int64_t i = 0; i < interfaces; i++, a += 12, b += 12) {
-        double between[3], back[9], turn[9], angle[3];
-        for (int c = 0; c < 3; c++) between[c] = a[c] - b[c];
-        for (int c = 0; c < 9; c++) back[c] = b[3 + 3 * (c % 3) + c / 3];
-        multiply(a + 3, back, turn);
-        rotation_vector(turn, angle);
-        out[2 * i] = norm(between, 3);
-        out[2 * i + 1] = norm(angle, 3);
-        largest = fmax(largest, out[2 * i]);
-    }
-    return largest;
 }
 
 /* What is left of the shadow's forces at its coordinates. */
@@ -128,8 +104,7 @@ static void residual_of(Body *shadow, Room *room, const double *inputs) {
     modal_force(shadow, &room->loads, 1, &room->at, 0, &room->scratch, room->left);
     const Rows now = rows_due(shadow->slice, p->tied * m, (double)m);
     for (int64_t j = now.at; j < now.end; j++) room->left[j] += dot(p->tie_initial + j * m, room->q, m);
-    stretch_at(shadow, room->q, &room->stretch);
-    if (!over(shadow->slice)) subtract_stretch_force(shadow, &room->stretch, &room->stretch, room->left);
+    subtract_all_forces(shadow, room->q, &room->stretch, room->turned, room->work, room->left);
 }
 
 /* Forces and tangent of the shadow at its coordinates. Its joints do not quite fit there, and their own tension would lead
@@ -219,27 +194,39 @@ static int factors_of(Body *shadow, Room *room, int opened) {
  * joints ring (nearly all of it), and of the stiffness what they may leave. */
 static const double SMALL = 1e-3, RINGING = 0.05, LEFT = 0.5;
 
+static int done_otherwise(const Room *room, int how) { return (int)room->found[OTHERWISE] & how; }
+static int done_anew(Slice *slice, Room *room, int how) {
+    if (!slice) room->found[OTHERWISE] += (double)how;
+    if (slice && slice->failed < FAILED_PIECEMEAL) slice->failed = how == SLACK ? FAILED_TENSE : FAILED_STEEP;
+    return 1;
+}
+
 /* Whether the body is soft or not stable since its stiff joints ring, as they do in motion: all begins anew without the tension that
  * they have for a moment. */
 static int rings(Slice *slice, Room *room) {
-    if (room->found[SLACK] != 0.0 || !(room->found[INERTIA] > RINGING * room->found[REACH])) return 0;
-    if (!slice) room->found[SLACK] = 1.0;
-    if (slice && slice->failed < FAILED_PIECEMEAL) slice->failed = FAILED_TENSE;
-    return 1;
+    if (done_otherwise(room, SLACK) || !(room->found[INERTIA] > RINGING * room->found[REACH])) return 0;
+    return done_anew(slice, room, SLACK);
 }
 
 /* One step of Newton's method from the shadow's coordinates towards its equilibrium, in place, and the softest eigenvalue of
  * its tangent in the last one; 0 where that is not stable. In motion inertia holds what is left of the body's own forces, and
  * so it does in the shadow. */
-static int newton_step(Body *shadow, Room *room, const double *inputs, double *blocks, int opened, int last) {
+static int newton_step(Body *shadow, Room *room, const double *inputs, double *blocks, int opened, int eased, int last) {
     const Program *p = shadow->p;
     const int64_t m = p->modes, first = p->rigid, e = m - first;
     Slice *slice = shadow->slice;
     forces_of(shadow, room, inputs, blocks);
     if (over(slice)) return 1;
-    int64_t began = enter_block(slice, blocks + FACTORS);
+    int64_t began = eased ? enter_block(slice, blocks + EASING) : -1;
     if (began >= 0) {
-        if (!factors_of(shadow, room, opened && !last)) return rings(slice, room), 0;
+        subtract_stretch_tension(shadow, &room->tangents.stretch, room->tangent);
+        leave_block(slice, began, blocks + EASING);
+    }
+    if (over(slice)) return 1;
+    began = enter_block(slice, blocks + FACTORS);
+    if (began >= 0) {
+        /* Where the body's motion strains the shadow: a first step without this tension relieves it. */
+        if (!factors_of(shadow, room, opened && !last)) return rings(slice, room) || done_otherwise(room, EASED) || done_anew(slice, room, EASED), 0;
         leave_block(slice, began, blocks + FACTORS);
     }
     if (over(slice)) return 1;
@@ -273,10 +260,11 @@ static void tense_by_step(Body *shadow, Room *room) {
 
 /* One step after another: of a shadow with loops opened the first one finds the joints' tension. */
 static int newton_steps(Body *shadow, Room *room, const double *inputs, int opened, int again) {
-    if (!newton_step(shadow, room, inputs, room->blocks, opened, !again)) return 0;
-    if (!again || over(shadow->slice)) return 1;
+    const int eased = done_otherwise(room, EASED) != 0;
+    if (!newton_step(shadow, room, inputs, room->blocks, opened, eased, !again && !eased)) return 0;
+    if (!(again || eased) || over(shadow->slice)) return 1;
     if (opened) tense_by_step(shadow, room);
-    return newton_step(shadow, room, inputs, room->blocks + BLOCKS, opened, 1);
+    return newton_step(shadow, room, inputs, room->blocks + BLOCKS, opened, 0, 1);
 }
 
 /* The largest linear deflection of an interface under forces on the body's coordinates; in the room of other places. */
@@ -400,7 +388,7 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
         configure(body, q, &at);
         places_in(p, &at, room->moved);
         memset(room->tense, 0, (size_t)(12 * shadow->p->ties) * sizeof(double));
-        if (p->ties && room->found[SLACK] == 0.0) tie_tension(body, &at, room->tense);
+        if (p->ties && !done_otherwise(room, SLACK)) tie_tension(body, &at, room->tense);
         room->found[OWN] = 0.0;
         if (p->curved) places_by_frames(body, &at, room->plain);
         if (p->curved) room->found[OWN] = apart(room->moved, room->plain, p->interfaces, room->bent);
@@ -440,12 +428,14 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
     shadow->slice = slice;
     if (due(slice, 0.0)) {
         memset(room->found, 0, FOUND * sizeof(double));
-        room->found[SLACK] = slice && slice->slack;
+        room->found[OTHERWISE] = slice ? (double)slice->otherwise : 0.0;
         memset(room->error, 0, (size_t)(2 * interfaces) * sizeof(double));
     }
     int known = body_at(body, shadow, inputs, q, room) && (over(slice) || newton_steps(shadow, room, inputs, opened, again));
-    if (!known && !slice && room->found[SLACK] != 0.0)
+    for (double how = 0.0; !known && !slice && room->found[OTHERWISE] > how;) {
+        how = room->found[OTHERWISE];
         known = body_at(body, shadow, inputs, q, room) && newton_steps(shadow, room, inputs, opened, again);
+    }
     if (known) {
         if (over(slice)) {
             shadow->slice = 0;
@@ -455,6 +445,9 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
         if (due(slice, (double)(800 * interfaces))) {
             places_in(shadow->p, &room->at, room->other);
             apart(room->moved, room->other, interfaces, room->error);
+            /* A step from so far may lead anywhere. */
+            for (int64_t i = 0; i < 2 * interfaces && done_otherwise(room, EASED); i++)
+                room->error[i] = fmin(room->error[i], room->found[i % 2 ? TURNED : REACH]);
         }
         places_by_frames(shadow, &room->at, room->plain);
         if (due(slice, (double)(800 * interfaces))) {

@@ -227,9 +227,15 @@ void count_looks(const Monitor *monitor) {
     double *inputs = monitor->inputs;
     pieces->slow = monitor->shadow ? fmax(1.0, (double)monitor->shadow->p->modes / QUICK) : 1.0;
     memset(inputs, 0, (size_t)monitor->body->p->loads * sizeof(double));
-    for (int kind = 0; kind <= LOOKS; kind++) {
-        Slice slice = {.until = COUNTS};
-        if (!can_look(monitor, kind)) continue;
+    /* The error first where it is eased: what is counted of both is the same. */
+    for (int kind = -1; kind <= LOOKS; kind++) {
+        Slice slice = {.until = COUNTS, .otherwise = kind < 0 ? EASED : 0};
+        if (!can_look(monitor, kind < 0 ? LOOK_ERROR : kind)) continue;
+        if (kind < 0) {
+            pieces_of(monitor, LOOK_ERROR, monitor->shape, inputs, &slice);
+            pieces->eased = slice.whole;
+            continue;
+        }
         if (kind == LOOKS) inputs[0] = 1.0;
         pieces_of(monitor, kind < LOOKS ? kind : LOOK_CAUSE, monitor->shape, inputs, &slice);
         if (kind < LOOKS) pieces->whole[kind] = slice.whole;
@@ -275,10 +281,10 @@ static double slice_size(const Body *body) {
 static const double FEW = 12.0;
 
 /* A look is under way: how many slices it takes is counted when it goes on. */
-static void begin_look(const Monitor *monitor, int kind, int begun, double slack, Memory *memory) {
+static void begin_look(const Monitor *monitor, int kind, int begun, double otherwise, Memory *memory) {
     Looking *now = &memory->looking;
     now->under_way = 1.0;
-    now->slack = slack;
+    now->otherwise = otherwise;
     now->look = kind;
     now->done = now->slices = 0.0;
     monitor->pieces->begun = begun;
@@ -313,7 +319,8 @@ void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
         return;
     }
     if (pieces->begun != COUNTED) {
-        *slice = (Slice){.whole = pieces->whole[kind], .slack = now->slack != 0.0};
+        *slice = (Slice){.whole = pieces->whole[kind], .otherwise = (int)now->otherwise};
+        if (slice->otherwise & EASED) slice->whole = pieces->eased;
         for (int64_t i = 0; kind == LOOK_CAUSE && i < monitor->body->p->loads; i++) slice->whole += inputs[i] != 0.0 ? pieces->by_load : 0.0;
         if (kind < WAITING)
             memcpy(pieces->arena.start, pieces->laid_out + kind * LAID_OUT, LAID_OUT * sizeof(double));
@@ -340,8 +347,8 @@ void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
     pieces->begun = 0;
     if (slice->failed == FAILED_PIECEMEAL)
         look_at_once(monitor, kind, q, inputs, now->deflection, memory, found);
-    else if (slice->failed == FAILED_TENSE)
-        begin_look(monitor, kind, 0, 1.0, memory);
+    else if (slice->failed == FAILED_TENSE || slice->failed == FAILED_STEEP)
+        begin_look(monitor, kind, 0, slice->otherwise | (slice->failed == FAILED_TENSE ? SLACK : EASED), memory);
     else if (!concluded(monitor, kind, follows, now->deflection, inputs, memory, found))
         begin_look(monitor, kind + FOLLOWING, FOLLOWS, 0.0, memory);
 }

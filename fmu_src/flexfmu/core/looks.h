@@ -39,7 +39,7 @@ enum { LOOK_ERROR, LOOK_STABILITY, LOOK_MISSED, LOOK_CAUSE, LOOK_HOW_MUCH, LOOKS
 /* What follows where a look finds something to tell of. */
 enum { FOLLOWING = LOOK_CAUSE - LOOK_STABILITY, WAITING = LOOK_CAUSE, STATES = 1 + WAITING };
 typedef struct {
-    double under_way, look, slack; /* whether one is; which; whether joints have no tension in it */
+    double under_way, look, otherwise; /* whether one is; which; how it is done again */
     double slices, done;           /* those that it takes, and that were done */
     double deflection, waiting[WAITING], deflections[WAITING]; /* at the state looked at; how much those that wait weigh, 0: none */
 } Looking;
@@ -55,7 +55,7 @@ typedef struct {
     double slow;   /* by how much longer looks at the error may take than of a small shadow */
     double part;   /* of a slice that a step does: less where it takes longer itself */
     Arena arena;
-    double whole[LOOKS], by_load; /* cost of all pieces of each look; of those of the cause also for each load that acts */
+    double whole[LOOKS], by_load, eased; /* cost of all pieces of each look; of those of the cause also for each load that acts; of the error where it is eased */
     double *laid_out;             /* (WAITING, LAID_OUT): what the arena of each look begins with */
 } Pieces;
 

@@ -250,6 +250,50 @@ void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b
     }
 }
 
+/* out (m) += force (m) on coordinates that shapes have left, by all: (d(t eta)/dq)'f, slopes being at q. */
+static void add_through_shapes(const Body *body, const Stretch *at, const double *force, double *out) {
+    const Program *p = body->p;
+    const int64_t m = p->modes;
+    Forms forms = NO_FORMS;
+    while (next_forms(p, &forms))
+        for (int64_t r = forms.first; r < forms.end && !forms.basis; r++) {
+            double along = 0.0;
+            for (int64_t j = p->rigid; j < m; j++) along += 4.0 * p->stretch_linear[r * m + j] * force[j] / body->opened->stiffness[j];
+            add_rows(&along, at->slope + forms.slope + (r - forms.first) * m, out, 1, m);
+        }
+}
+
+/* Leave out what places miss at third order, or all else. */
+static void leave_stretches(const Body *body, int missed, Stretch *at) {
+    for (int64_t r = 0; r < body->p->stretches; r++)
+        if ((body->p->stretch_stiff[r] == 0.0) == missed) at->bent[r] = at->whole[r] = 0.0;
+}
+
+void subtract_all_forces(const Body *body, const double *q, Stretch *at, double *left, double *missed, double *out) {
+    const int64_t m = body->p->modes;
+    const double cost = (double)(3 * body->p->stretches * m);
+    stretch_at(body, q, at);
+    if (body->opened->keeps_shapes) {
+        if (due(body->slice, cost)) {
+            memcpy(left, q, (size_t)m * sizeof(double));
+            add_along_shapes(body, at, 1.0, left);
+        }
+        stretch_at(body, left, at);
+        if (due(body->slice, cost)) {
+            memset(missed, 0, (size_t)m * sizeof(double));
+            leave_stretches(body, 0, at);
+        }
+        if (!over(body->slice)) subtract_stretch_force(body, at, at, missed);
+        stretch_at(body, q, at);
+        if (due(body->slice, cost)) {
+            for (int64_t j = 0; j < m; j++) out[j] += missed[j];
+            add_through_shapes(body, at, missed, out);
+            leave_stretches(body, 1, at);
+        }
+    }
+    if (!over(body->slice)) subtract_stretch_force(body, at, at, out);
+}
+
 void add_turned_stretch(const Body *body, const Stretch *at, const double *direction, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes;
@@ -263,7 +307,7 @@ void add_turned_stretch(const Body *body, const Stretch *at, const double *direc
             along = at->own;
         }
         for (int64_t r = forms.first; r < forms.end; r++) {
-            if (p->stretch_sign[r] < 0.0) continue;
+            if (!(p->stretch_stiff[r] > 0.0)) continue;
             const double *linear = p->stretch_linear + r * m, *slope = at->slope + forms.slope + (r - forms.first) * k;
             const double first = forms.basis ? 0.0 : 2.0 * dot(linear, direction, m), more = 4.0 * dot(slope, along, k), whole = first + more;
             for (int64_t j = 0; forms.basis && j < k; j++) at->sum[j] += 2.0 * whole * slope[j];
@@ -273,7 +317,8 @@ void add_turned_stretch(const Body *body, const Stretch *at, const double *direc
     }
 }
 
-void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
+/* Both parts of the stiffness, or that of tension times a sign. */
+static void add_stiffness(const Body *body, const Stretch *at, int steep, double sign, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes;
     Forms forms = NO_FORMS;
@@ -285,16 +330,20 @@ void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
             const double *slopes = at->slope + forms.slope + (group - forms.first) * k;
             const int64_t count = forms.end - group < LANES ? forms.end - group : LANES;
             double whole[LANES] = {0.0}, four[LANES];
+            int stiff = 0;
             for (int64_t r = 0; r < count; r++) {
                 const double *linear = p->stretch_linear + (group + r) * m, *slope = slopes + r * k;
-                four[r] = 4.0 * p->stretch_sign[group + r];
-                whole[r] = four[r] * at->whole[group + r];
-                const Rows rows = rows_due(body->slice, forms.basis ? 0 : k, (3.0 + 0.06 * (double)k) * (double)k);
+                four[r] = 4.0 * p->stretch_stiff[group + r];
+                if (four[r] == 0.0) continue;
+                whole[r] = sign * four[r] * at->whole[group + r];
+                stiff = 1;
+                const Rows rows = rows_due(body->slice, forms.basis || !steep ? 0 : k, (3.0 + 0.06 * (double)k) * (double)k);
                 for (int64_t i = rows.at; i < rows.end; i++)
                     add_two_rows(four[r] * (linear[i] + 2.0 * slope[i]), slope, four[r] * slope[i], linear, out + i * m, m);
             }
+            if (!stiff) continue;
             /* Of all at once a row is touched once. */
-            const Rows rows = rows_due(body->slice, forms.basis ? k : 0, (double)(8 * k));
+            const Rows rows = rows_due(body->slice, forms.basis && steep ? k : 0, (double)(8 * k));
             const int64_t some = rows.end - rows.at;
             for (int64_t r = 0; r < count; r++)
                 for (int64_t i = 0; i < some; i++) at->row[r * some + i] = 2.0 * four[r] * slopes[r * k + rows.at + i];
@@ -313,3 +362,6 @@ void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) {
         }
     }
 }
+
+void add_stretch_stiffness(const Body *body, const Stretch *at, double *out) { add_stiffness(body, at, 1, 1.0, out); }
+void subtract_stretch_tension(const Body *body, const Stretch *at, double *out) { add_stiffness(body, at, 0, -1.0, out); }

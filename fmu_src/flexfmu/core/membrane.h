@@ -35,9 +35,13 @@ void add_along_shapes(const Body *body, const Stretch *at, double factor, double
 double stretch_energy(const Body *body, const Stretch *at);
 /* out -= the discrete gradient of the energy between two places; its derivative where they are one and the same. */
 void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b, double *out);
+/* out -= the forces at q. What places miss at third order goes by coordinates `left` (m) without what shapes have; `missed` (m) is its. */
+void subtract_all_forces(const Body *body, const double *q, Stretch *at, double *left, double *missed, double *out);
 /* out (m) += what stretch that does not flatten adds to the stiffness along a direction, as it is now turned: no tension. */
 void add_turned_stretch(const Body *body, const Stretch *at, const double *direction, double *out);
 
+/* out (m, m) += what stretch adds to the stiffness; or subtract what its tension does. */
 void add_stretch_stiffness(const Body *body, const Stretch *at, double *out);
+void subtract_stretch_tension(const Body *body, const Stretch *at, double *out);
 
 #endif

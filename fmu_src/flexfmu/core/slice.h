@@ -6,14 +6,16 @@
 #include <stdint.h>
 #include <string.h>
 
-/* What can be done at once only; what is to be done again, of joints without tension. */
-enum { FAILED_PIECEMEAL = 2, FAILED_TENSE };
+/* What can be done at once only; what is to be done again, of joints without tension, or first without that of stretches. */
+enum { FAILED_PIECEMEAL = 2, FAILED_TENSE, FAILED_STEEP };
+/* Bits of what is done otherwise. */
+enum { SLACK = 1, EASED = 2 };
 
 /* Costs are in multiplications. Without a slice all pieces are due. */
 typedef struct {
     int64_t met, done;          /* pieces met in this call; pieces done so far */
     double spent, until, whole; /* cost of those done; where this call ends, or one of the below; of all there are */
-    int failed, fresh, slack;   /* no piece is due any more; none was done in this call; joints have no tension */
+    int failed, fresh, otherwise; /* no piece is due any more; none was done in this call; how it is done again */
 } Slice;
 
 /* A call that only counts, and one that has done its share: what comes later need not be met. */

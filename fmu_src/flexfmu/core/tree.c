@@ -276,3 +276,25 @@ const Configuration *whole_configuration(Body *body, const double *q) {
     body->memo_known = 1;
     return &body->memo;
 }
+
+void places_in(const Program *p, const Configuration *at, double *out) {
+    for (int64_t i = 0; i < p->interfaces; i++) {
+        memcpy(out + 12 * i, at->position + 3 * (p->frames + i), 3 * sizeof(double));
+        memcpy(out + 12 * i + 3, at->rotation + 9 * (p->frames + i), 9 * sizeof(double));
+    }
+}
+
+double apart(const double *a, const double *b, int64_t interfaces, double *out) {
+    double largest = 0.0;
+    for (int64_t i = 0; i < interfaces; i++, a += 12, b += 12) {
+        double between[3], back[9], turn[9], angle[3];
+        for (int c = 0; c < 3; c++) between[c] = a[c] - b[c];
+        for (int c = 0; c < 9; c++) back[c] = b[3 + 3 * (c % 3) + c / 3];
+        multiply(a + 3, back, turn);
+        rotation_vector(turn, angle);
+        out[2 * i] = norm(between, 3);
+        out[2 * i + 1] = norm(angle, 3);
+        largest = fmax(largest, out[2 * i]);
+    }
+    return largest;
+}

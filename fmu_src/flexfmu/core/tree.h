@@ -34,6 +34,10 @@ int recall(const Body *body, const Need *need, const double *q, Configuration *a
 /* The configuration of q, all of it, kept for the next call; it may not be written to. */
 const Configuration *whole_configuration(Body *body, const double *q);
 
+/* Position and rotation (I, 12) of the interfaces. */
+void places_in(const Program *p, const Configuration *at, double *out);
+/* Distance and angle (I, 2) between places; the largest distance is returned. */
+double apart(const double *a, const double *b, int64_t interfaces, double *out);
 /* Rows that move: seen from its frame no lump turns, and those rows come last. */
 int64_t moving_rows(const Program *p);
 /* Basis (r, m) of the coordinates that bend a part; null where q itself does: without any, or where there are m of them. */

@@ -32,11 +32,14 @@ class Membrane:
         l_r, J^½/(kg^½ m). Where it is not zero, √2 Λ⁻¹ l_r is a shape of unit energy, orthogonal to the others.
     sign : (R,) float
         s_r: 1, or −1 of sections that flatten as they bend.
+    stiff : (R,) float
+        The same in the tangent stiffness: 0 of what a shadow's places miss at third order.
     """
 
     quadratic: FloatArray
     linear: FloatArray
     sign: FloatArray
+    stiff: FloatArray
 
     @property
     def flattenings(self) -> int:
@@ -89,7 +92,7 @@ class Membrane:
         return Membrane(
             np.concatenate([quadratic[~own], root[:, :, None] * np.tensordot(axes.T, quadratic[own], axes=1)]),
             np.concatenate([linear[~own], axes.T @ linear[own] / root]),
-            np.concatenate([self.sign[~own], np.ones(len(root))]),
+            *(np.concatenate([one[~own], np.ones(len(root))]) for one in (self.sign, self.stiff)),
         )
 
 

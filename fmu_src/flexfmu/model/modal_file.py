@@ -19,7 +19,7 @@ from .methods import Mass, Method
 from .reduced_body import GROUPS, ReducedBody, Shadow, StressSet
 
 FORMAT = "flexfmu modal file"
-SCHEMA_VERSION = 7
+SCHEMA_VERSION = 8
 # In front of HDF5's own bytes, which its library may read for ever once they are damaged.
 _BLOCK = 512
 _SEAL = b"flexfmu modal file, SHA-256 of all behind these 512 bytes: "

@@ -242,7 +242,7 @@ def stretches(membrane: Membrane, bent: Mapping[str, Any]) -> dict[str, FloatArr
     Returns
     -------
     dict
-        Fields of a program: basis, extent, stretch, stretch_rows, stretch_linear, stretch_sign.
+        Fields of a program: basis, extent, stretch, stretch_rows, stretch_linear, stretch_sign, stretch_stiff.
     """
     quadratic, modes = membrane.quadratic, membrane.quadratic.shape[-1]
     least = _OUTSIDE[is_single(quadratic)] * np.linalg.norm(quadratic, axis=(1, 2))
@@ -266,6 +266,5 @@ def stretches(membrane: Membrane, bent: Mapping[str, Any]) -> dict[str, FloatArr
         "extent": np.array([len(basis) or modes for basis in bases]),
         "stretch": np.concatenate([*own, packed(quadratic[owner == len(bases)])]),
         "stretch_rows": np.bincount(owner, minlength=len(bases) + 1)[:-1],
-        "stretch_linear": membrane.linear[every],
-        "stretch_sign": membrane.sign[every],
+        **{f"stretch_{name}": getattr(membrane, name)[every] for name in ("linear", "sign", "stiff")},
     }

@@ -225,7 +225,8 @@ class Stretching:
         whole = np.zeros((sum(map(len, forms)), directions.shape[1], directions.shape[1]))
         whole[:, first, second] = whole[:, second, first] = np.concatenate(forms)
         wide, modes, every = directions * self._omega[:, None], self.modes.angular_frequency.size, self._elastic
-        result = Membrane(np.zeros((len(whole), modes, modes)), np.zeros((len(whole), modes)), np.concatenate(signs))
+        zeros, sign = np.zeros((len(whole), modes, modes)), np.concatenate(signs)
+        result = Membrane(zeros, zeros[:, 0].copy(), sign, sign)
         result.quadratic[:, every[:, None], every] = wide @ whole @ wide.T
         result.linear[:, every] = np.concatenate(linear) * self._omega
         return result
@@ -264,7 +265,8 @@ class Stretching:
         rows = np.zeros(q.shape)
         rows[:, self._elastic] = motions * self._omega / size[:, None]
         missed = rows.T @ forms @ rows
-        before, more = (membrane.quadratic, membrane.linear, membrane.sign), (missed, 0.0 * missed[..., 0], signs)
+        # Stiffness is of fifth order, of which this is a part only.
+        before, more = asdict(membrane).values(), (missed, 0.0 * missed[..., 0], signs, 0.0 * signs)
         return Membrane(*(np.concatenate(parts) for parts in zip(before, more, strict=True)))
 
     def _refuse_what_does_not_fit(self, pairs: int) -> None:
@@ -348,7 +350,7 @@ def completed_body(stretching: Stretching, body: ReducedBody) -> ReducedBody:
     if body.ties is not None:
         return body
     modes = body.mode_count
-    membrane = body.membrane or Membrane(np.zeros((0, modes, modes)), np.zeros((0, modes)), np.zeros(0))
+    membrane = body.membrane or Membrane(np.zeros((0, modes, modes)), np.zeros((0, modes)), np.zeros(0), np.zeros(0))
     places = body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
     key = content_key(__name__, "third order", stretching.key, stretching.loads, membrane.quadratic, *places)
     find = partial(stretching.third_order, membrane, body)

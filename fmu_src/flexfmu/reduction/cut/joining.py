@@ -285,11 +285,11 @@ def joined_membrane(parts: Sequence[ReducedBody], modes: FloatArray) -> Membrane
     for p, part in enumerate(parts):
         if part.membrane is not None:
             own = stack.own(p, modes)
-            found.append((own.T @ part.membrane.quadratic @ own, part.membrane.sign))
+            found.append((own.T @ part.membrane.quadratic @ own, part.membrane.sign, part.membrane.stiff))
     if not found:
         return None
-    quadratic, sign = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-    return Membrane(quadratic, np.zeros(quadratic.shape[:2]), sign)
+    quadratic, *signs = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+    return Membrane(quadratic, np.zeros(quadratic.shape[:2]), *signs)
 
 
 def _stress_sets(stack: _Stack, modes: FloatArray) -> tuple[StressSet, ...]:
