@@ -1,6 +1,7 @@
 /* Kinematics of the tree of frames, docs/theory.md sections 4 and 4a. */
 #include "tree.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "algebra.h"
