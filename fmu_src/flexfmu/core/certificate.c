@@ -226,7 +226,10 @@ static int newton_step(Body *shadow, Room *room, const double *inputs, double *b
     began = enter_block(slice, blocks + FACTORS);
     if (began >= 0) {
         /* Where the body's motion strains the shadow: a first step without this tension relieves it. */
-        if (!factors_of(shadow, room, opened && !last)) return rings(slice, room) || done_otherwise(room, EASED) || done_anew(slice, room, EASED), 0;
+        if (!factors_of(shadow, room, opened && !last)) {
+            if (!rings(slice, room) && !done_otherwise(room, EASED)) done_anew(slice, room, EASED);
+            return 0;
+        }
         leave_block(slice, began, blocks + FACTORS);
     }
     if (over(slice)) return 1;
