@@ -271,6 +271,17 @@ def test_a_shadow_that_the_body_s_motion_strains_is_relieved_first():
     assert true_error(body, model, state, loads) < told.relative < 0.05
 
 
+@pytest.mark.slow
+def test_a_shadow_with_shapes_of_its_own_takes_two_steps():
+    """The first one leads to a third of the error."""
+    body, loads = sector(), {"top": (50.0, 0.0, 15.0)}
+    model = body.build(surface=False)
+    state = model.static(loads)
+    moved = np.linalg.norm(model.response(state).displacement[0])
+    told = model.error(state, loads).displacement[0] / moved
+    assert told == pytest.approx(true_error(body, model, state, loads), rel=0.4)
+
+
 def block():
     """With two of its sides fast."""
     mesh = box(ElementType.C3D20, (2, 4, 4), (0.03, 0.05, 0.05))

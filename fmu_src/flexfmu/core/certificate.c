@@ -426,8 +426,8 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
     const int64_t interfaces = body->p->interfaces;
     Room *room = room_in(shadow, &arena, slice);
     /* Joints of a shadow with loops opened were loops of the body, which a first step closes. Motion of first order stretches
-     * the shadow so much that the first step leads back little of the way. */
-    const int opened = has_opened(shadow->p, body->p), again = opened || !body->p->curved;
+     * the shadow so much that the first step leads back little of the way, and so may it where its shapes are others. */
+    const int opened = has_opened(shadow->p, body->p), again = opened || !body->p->curved || shadow->opened->keeps_shapes;
     shadow->slice = slice;
     if (due(slice, 0.0)) {
         memset(room->found, 0, FOUND * sizeof(double));
