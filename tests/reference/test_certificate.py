@@ -61,8 +61,10 @@ def test_the_error_is_a_step_or_two_of_newton_s_method_of_the_shadow_under_the_s
     scale, moved = 1.0 / np.sqrt(finer.stiffness[elastic]), span @ q
     # What moves by second order along shapes that one of both keeps, and the other does not.
     moved = moved + span @ own.shift(q) - finer.shift(moved)
-    # From a motion of first order, which stretches the shadow, one step leads back little of the way.
-    for number in range(1 if method is Method.SECOND_ORDER else 2):
+    # From a motion of first order, which stretches the shadow, one step leads back little of the way; so it may
+    # where the shadow has shapes of its own.
+    kept = model.shadow.body.membrane is not None and np.any(model.shadow.body.membrane.linear)
+    for number in range(1 if method is Method.SECOND_ORDER and not kept else 2):
         left, change = finer.force(inputs, moved) - finer.stiffness * moved - inertia, np.zeros(finer.modes)
         tangent = shadow.tangent(State(moved, moved), inputs)[elastic, elastic]
         stable = np.linalg.eigvals(tangent * np.outer(scale, scale)).real.min() > 0.0
