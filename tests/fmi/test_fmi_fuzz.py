@@ -278,6 +278,35 @@ def test_a_step_of_any_length_down_to_the_smallest_number_is_taken(folder, sizes
 
 
 @pytest.mark.parametrize(
+    ("kind", "calls"),
+    [
+        pytest.param("masses", [(6 * [0.1], 1e-3), (6 * [1.0], 1e300)], id="sum of how far steps led astray"),
+        pytest.param("plain", [(6 * [1e10], 1e-12), (6 * [0.1], 1e300)], id="where they led"),
+        pytest.param(
+            "bar", [([0.0, 0.0, 0.0, 1e100], 1e300), ([0.0, 1e100, 0.0, 0.0], 1e-100)], id="drift by mass left out"
+        ),
+    ],
+)
+def test_a_state_after_the_shortest_and_the_longest_of_steps_is_taken_again(tmp_path, kind, calls):
+    """What is known of their errors is no number any more."""
+    if kind == "bar":
+        mesh = box(ElementType.C3D20, (8, 1, 1), (0.4, 0.02, 0.01))
+        options = {"method": "frames", "mass": "constant", "surface": False, "modes": 4}
+        bar = Body(mesh, supports={"ROOT": "xyz"}, interfaces={"tip": "TIP"}, name="bar").build(frames=2, **options)
+    package_fmu(bar.reduced if kind == "bar" else fuzzed.fuzzed_body(kind), tmp_path / "body.fmu")
+    fmu = Fmu(tmp_path / "body.fmu")
+    one = fmu.instantiate()
+    one.set_real([fmu.reference["bound.rotation"], fmu.reference["bound.displacement"]], [0.0, 0.0])
+    one.start()
+    for loads, step in [*calls, (6 * [1.0], 1.0), (6 * [0.0], 1e-3)]:
+        assert one.set_real(fmu.references("Real", "input")[: len(loads)], loads) == OK
+        assert one.go_on(step) <= DISCARD
+        assert one.set_bytes(one.bytes()) == OK, fmu.log
+    one.free()
+    fmu.remove()
+
+
+@pytest.mark.parametrize(
     "loads",
     [[1e3, 1e6, 1e200], ["nan"], ["inf"]],
 )

@@ -124,8 +124,8 @@ static int quiet(const Instance *x, const Memory *before, const Memory *after, d
     Memory would = *before;
     int on = CACHED_QUIET;
     if (after->error.steps != before->error.steps) would.error.steps += 1.0, on |= CACHED_SEEN;
-    if (after->course.truncation.time != before->course.truncation.time) would.course.truncation.time += step, on |= CACHED_MIXED;
-    if (after->course.astray.time != before->course.astray.time) would.course.astray.time += step, on |= CACHED_ASTRAY;
+    if (after->course.truncation.time != before->course.truncation.time) count_in(&would.course.truncation.time, step), on |= CACHED_MIXED;
+    if (after->course.astray.time != before->course.astray.time) count_in(&would.course.astray.time, step), on |= CACHED_ASTRAY;
     if (memcmp(&would, after, sizeof would) != 0 || x->body->p->rigid || looks->under_way != 0.0) return 0;
     for (int kind = 0; kind < WAITING; kind++)
         if (looks->waiting[kind] != 0.0) return 0;
@@ -139,8 +139,8 @@ static int quiet(const Instance *x, const Memory *before, const Memory *after, d
 static void rest_quietly(Instance *x, double step) {
     fetch(x->motion, x->numbers);
     if (x->cached & CACHED_SEEN) x->single[S_SEEN + offsetof(ErrorMemory, steps) / sizeof(double)] += 1.0;
-    if (x->cached & CACHED_MIXED) x->single[S_COURSE + offsetof(Course, truncation.time) / sizeof(double)] += step;
-    if (x->cached & CACHED_ASTRAY) x->single[S_COURSE + offsetof(Course, astray.time) / sizeof(double)] += step;
+    if (x->cached & CACHED_MIXED) count_in(x->single + S_COURSE + offsetof(Course, truncation.time) / sizeof(double), step);
+    if (x->cached & CACHED_ASTRAY) count_in(x->single + S_COURSE + offsetof(Course, astray.time) / sizeof(double), step);
 }
 
 /* Look at where a step of the body ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there. */
@@ -158,7 +158,10 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
     Findings found;
     Answer answer = ANSWER_OK;
     const int64_t m = x->body->p->modes;
-    if (step > 0.0 && !rests && !steps_are_exact(x->body)) memory.astray = x->over->astray;
+    if (step > 0.0 && !rests && !steps_are_exact(x->body)) {
+        memory.astray = x->over->astray;
+        if (!all_finite(memory.astray, 3 * m)) memset(x->over->astray, 0, (size_t)(3 * m) * sizeof(double));
+    }
     if (rests) end.zero = (x->cached & CACHED_ZERO) || (all_zero(q, m) && all_zero(v, m) && all_zero(x->drift, 3 * m) && all_zero(x->astray, 3 * m));
     /* A body at rest is where it was. */
     const size_t size = (size_t)m * sizeof(double), kept = (size_t)(x->loads + 3 * x->modes) * sizeof(double);

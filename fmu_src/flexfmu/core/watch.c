@@ -309,14 +309,17 @@ void body_astray(Body *body, const StepEnd *end, double *drift, const double *as
     const Program *p = body->p;
     const int64_t m = p->modes;
     /* Nothing is left out of what does not move. */
-    if (!end->zero && !mass_is_exact(p) && (!all_zero(end->v, m) || !all_zero(end->v0, m) || !all_zero(drift, 3 * m)))
+    if (!end->zero && !mass_is_exact(p) && (!all_zero(end->v, m) || !all_zero(end->v0, m) || !all_zero(drift, 3 * m))) {
         follow_drift(body, end, drift, drift + m, drift + 2 * m);
+        if (!all_finite(drift, 3 * m)) memset(drift, 0, (size_t)(3 * m) * sizeof(double));
+    }
     const double *off[CAUSES] = {drift, astray}, beyond[CAUSES] = {p->inertial ? BEYOND : 1.0, BEYOND}, least = UNSEEN * p->body_size[0];
-    so_far->time += end->step;
-    if (!end->zero) so_far->moved += end->step * fmax(linear_reach(p, BY_SHIFT, end->q), carried_reach(p, BY_SHIFT, end->v, ahead));
+    count_in(&so_far->time, end->step);
+    if (!end->zero)
+        count_in(&so_far->moved, end->step * fmax(linear_reach(p, BY_SHIFT, end->q), carried_reach(p, BY_SHIFT, end->v, ahead)));
     for (int k = 0; k < CAUSES; k++) {
-        if (!end->zero) so_far->off[k] += end->step * linear_reach(p, BY_SHIFT, off[k]);
-        if (isfinite(so_far->off[k]) && so_far->off[k] > 0.0)
+        if (!end->zero) count_in(&so_far->off[k], end->step * linear_reach(p, BY_SHIFT, off[k]));
+        if (so_far->off[k] > 0.0)
             so_far->error[k] = beyond[k] * sqrt(so_far->off[k] / fmax(so_far->moved, least * least * so_far->time));
     }
 }
@@ -327,7 +330,7 @@ void body_truncation(const Body *body, const StepEnd *end, double *ahead, Trunca
     const double size = p->body_size[0];
     double mixed[WAYS] = {0.0}, moved[WAYS];
     if (!p->mixed) return;
-    so_far->time += end->step;
+    count_in(&so_far->time, end->step);
     for (int64_t i = 0; i < p->mixed; i++) {
         const double rate = end->v[p->mixed_mode[i]] * fmin(1.0, p->mixed_drift[i] * so_far->time);
         for (int k = 0; k < WAYS; k++) {

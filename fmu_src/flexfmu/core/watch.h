@@ -2,6 +2,8 @@
 #ifndef FLEX_WATCH_H
 #define FLEX_WATCH_H
 
+#include <math.h>
+
 #include "data.h"
 
 /* Where a step, s, ends; of 0 s where none was taken yet: in times of the body, and loads as they act on it. Where it began.
@@ -34,6 +36,10 @@ typedef struct {
     double impulse[3], angle[3], rate[3], largest, drift;
 } Momentum;
 void body_momentum(Body *body, const double *q, const double *v, Momentum *so_far);
+/* Add what is a number still: after the shortest steps the longest may lead beyond all numbers. */
+static inline void count_in(double *sum, double more) {
+    if (isfinite(*sum + more)) *sum += more;
+}
 /* How far a motion is off by what the mass leaves out, and by what steps leave out: seconds so far, integrals of the squares of how
  * far interfaces have moved and were off, m2 s, and the error of the motion that follows, rms. */
 enum { BY_MASS, BY_STEPS, CAUSES };
