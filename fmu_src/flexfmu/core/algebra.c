@@ -99,21 +99,20 @@ void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n, S
     for (int64_t i = n - 1 - rows.at; i > n - 1 - rows.end; i--) b[i] = (b[i] - dot(a + i * n + i + 1, b + i + 1, n - 1 - i)) / a[i * n + i];
 }
 
+/* Each row finds its part of a few columns at once, while it is near. */
+enum { COLUMNS = 8 };
+
 int cholesky(double *a, int64_t n, Slice *slice) {
-    Rows rows = rows_due(slice, pairs_of(n), (double)(n / 3 + 60));
-    int64_t i, j;
-    column_pair_of(rows.at, n, &i, &j);
-    for (; rows.at < rows.end; rows.at++) {
-        const double rest = a[i * n + j] - dot(a + i * n, a + j * n, j);
-        if (j < i) {
-            a[i * n + j] = rest / a[j * n + j];
-        } else {
-            const int positive = rest > 0.0 && isfinite(rest);
-            if (!positive && !slice) return 0;
-            /* In pieces the last row tells. */
-            a[i * n + i] = positive ? sqrt(rest) : NAN;
-        }
-        if (++i == n) i = ++j;
+    for (int64_t first = 0; first < n; first += COLUMNS) {
+        const Rows rows = rows_due(slice, n - first, (double)(COLUMNS * (n / 3 + 60)));
+        for (int64_t i = first + rows.at; i < first + rows.end; i++)
+            for (int64_t j = first; j <= i && j < first + COLUMNS; j++) {
+                const double rest = a[i * n + j] - dot(a + i * n, a + j * n, j);
+                const int positive = i > j || (rest > 0.0 && isfinite(rest));
+                if (!positive && !slice) return 0;
+                /* In pieces the last row tells. */
+                a[i * n + j] = i > j ? rest / a[j * n + j] : positive ? sqrt(rest) : NAN;
+            }
     }
     return !slice || !caught_up(slice) || isfinite(a[n * n - 1]);
 }

@@ -337,7 +337,9 @@ void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
     int follows = 0;
     /* Where slices were lost with another state, the rest makes up for them. */
     slice->until = last ? HUGE_VAL : slice->spent + pieces->part * (slice->whole - slice->spent) / (now->slices - now->done + pieces->part);
-    if (last || (!slice->failed && slice->spent < slice->whole)) {
+    /* Where no piece is left, only what failed, or may be followed, is gone through again. */
+    const int left = !slice->failed && slice->spent < slice->whole * (1.0 - ROUND_OFF_SHARE);
+    if (left || (last && (slice->failed || kind == LOOK_STABILITY || kind == LOOK_MISSED))) {
         slice->met = 0;
         slice->fresh = 1;
         follows = pieces_of(monitor, kind, q, inputs, slice);

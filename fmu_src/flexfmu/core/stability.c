@@ -168,11 +168,11 @@ double pieces_of_stability(Body *body, const double *inputs, const double *q, do
         if (slice) slice->failed = FAILED_PIECEMEAL;
         return !slice && follower_stability(body, room) > margin ? margin : -HUGE_VAL;
     }
-    /* One after the other, whatever is found: all pieces are met in each call. */
-    const int far = lies_above(room, fmax(margin, FAR_ABOVE), room->lower, e, slice);
-    if (far && !slice) return fmax(margin, FAR_ABOVE);
-    const int above = lies_above(room, margin, room->shapes, e, slice);
-    return far ? fmax(margin, FAR_ABOVE) : above ? margin : -HUGE_VAL;
+    if (lies_above(room, fmax(margin, FAR_ABOVE), room->lower, e, slice) && caught_up(slice)) {
+        if (slice) slice->spent = slice->whole;
+        return fmax(margin, FAR_ABOVE);
+    }
+    return lies_above(room, margin, room->shapes, e, slice) ? margin : -HUGE_VAL;
 }
 
 double body_stable_beyond(Body *body, const double *inputs, const double *q, double margin) {
