@@ -22,7 +22,7 @@ from .records import write_records
 from .watch_share import LOADS, steps
 
 # Steps follow each other between two readings of the clock, which takes some 50 ns itself. In the first ones each
-# instance touches pages of its memory for the first time, once, some 40 µs in all, where one instance gets the same again.
+# instance touches pages of its memory for the first time, once, some 40 µs in all; a single one gets the same again.
 MANY, BLOCK, BLOCKS, FIRST, REPEATS = 1000, 10, 48, 12, 3
 
 
