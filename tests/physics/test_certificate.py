@@ -6,9 +6,11 @@ from functools import partial
 
 import numpy as np
 import pytest
+from test_beams import deck
 
 from driven import Driven
-from flexfmu.api import Body, Support
+from flexfmu import read_mesh
+from flexfmu.api import Body, Interface, Support
 from flexfmu.body.flexible_body import FlexibleBody, State
 from flexfmu.body.reference_loads import differs_more, reference_loads
 from flexfmu.build.reduce import body_model, reduce_body
@@ -23,7 +25,8 @@ from flexfmu.program import tree
 from flexfmu.program.compile import shadow_draft
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.bushings import resisted
-from flexfmu.study.scene.whole_model import TurningLoad
+from flexfmu.reduction.rigid_fit import is_mean
+from flexfmu.study.scene.whole_model import TurningLoad, finite_motion
 from meshes import arc, bars, body_file, box, grid, lattice, with_sets
 from native_master.bare_fmi2 import DISCARD, OK
 
@@ -71,11 +74,14 @@ def exactly(body, loads):
     load, turning = np.zeros(3 * len(mesh.points)), []
     for one in interfaces:
         force, moment = np.pad(loads[one.name], (0, 6 - len(loads[one.name]))).reshape(2, 3)
-        load += one.nodal_loads(len(mesh.points))[:, :3] @ force
-        turning += [TurningLoad(one, mesh.points, np.stack([np.zeros(3), moment]))] if moment.any() else []
+        # Off its nodes' centre a force turns them, too.
+        on = is_mean(one.operator)
+        load += one.nodal_loads(len(mesh.points))[:, :3] @ force if on else 0.0
+        turns = np.stack([np.zeros(3) if on else force, moment])
+        turning += [TurningLoad(one, mesh.points, turns)] if turns.any() else []
     how = mesh, model.unknowns, model.spring, load, [1.0], Reporter(), partial(resisted, turning) if turning else None
-    moved = load_path(*how, bool(turning)).displacement[0].reshape(-1, 3)
-    return np.array([one.operator[:3] @ moved[one.nodes].ravel() for one in interfaces])
+    moved = load_path(*how, bool(turning)).displacement[0]
+    return np.array([finite_motion(one, mesh.points, moved)[:3] for one in interfaces])
 
 
 def true_error(body, flexible, state, loads):
@@ -326,6 +332,42 @@ def test_a_bow_knows_what_it_misses_under_a_moment_amidst():
     state = model.static(loads)
     off = np.linalg.norm(model.response(state).displacement - exactly(body, loads), axis=1)
     assert model.error(state, loads).displacement == pytest.approx(off, rel=0.1)
+
+
+def test_an_interface_off_its_nodes_knows_its_error():
+    """They carry its point as they turn: what that is at third order was told as an error, four times the true one."""
+    mesh = arc(ElementType.C3D20, (12, 1, 1), 0.2, 0.01, angle=1.2)
+    tip = Interface("TIP", point=(0.05, 0.32, 0.12))
+    body = Body(mesh, supports=["ROOT"], interfaces={"tip": tip}, name="crank")
+    model, loads = body.build(surface=False), {"tip": (250.0, -500.0, -500.0, 0.0, 20.0, 0.0)}
+    state = model.static(loads)
+    true = true_error(body, model, state, loads)
+    assert model.error(state, loads).relative == pytest.approx(true, rel=0.2)
+
+
+def umbrella(folder, ribs=6):
+    """Bowed ribs on a short post, a strut to each."""
+    points, rows, tips = [(0.0, 0.0, 0.35), (0.0, 0.0, 0.5)], [(0, 1)], {}
+    for k in range(ribs):
+        first, out = len(points), np.array([np.cos(2.0 * np.pi * k / ribs), np.sin(2.0 * np.pi * k / ribs), 0.0])
+        points += [0.4 * s * out + [0.0, 0.0, 0.5 + 0.02 * s - 0.12 * s**2] for s in np.arange(1.0, 7.0) / 6.0]
+        rows += [(1, first), *((first + i, first + i + 1) for i in range(5)), (0, first + 1)]
+        tips[f"TIP{k}"] = [first + 5]
+    held = {"more": "*BOUNDARY\nROOT, 1, 6\n", "ROOT": [0]}
+    path = folder / "umbrella.inp"
+    path.write_text(deck(np.array(points), rows, sizes="0.004, 0.003", axis="0.1, 0.2, 1.", **held, **tips))
+    return Body(read_mesh(path), interfaces={name.lower(): name for name in tips}, name="umbrella")
+
+
+@pytest.mark.slow
+def test_a_body_with_many_interfaces_knows_what_all_of_them_miss(tmp_path):
+    """By twenty of its motions: by ten it told a seventh."""
+    body, loads = umbrella(tmp_path), {f"tip{k}": (0.0, 0.0, 12.0) for k in range(6)}
+    model = body.build(surface=False)
+    state = model.static(loads)
+    true = true_error(body, model, state, loads)
+    assert true > 0.01
+    assert model.error(state, loads).relative == pytest.approx(true, rel=0.2)
 
 
 @pytest.mark.slow

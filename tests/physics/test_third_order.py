@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
@@ -14,19 +13,20 @@ from flexfmu.files.outputs import Reporter, tell_nobody
 from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.inertia import Membrane
-from flexfmu.model.rotations import skew
 from flexfmu.reduction.basis import Matrices, _buckled_shapes, third_order_loads
-from flexfmu.reduction.bodies import fit_interface
+from flexfmu.reduction.bodies import InterfaceFit, fit_interface
 from flexfmu.reduction.fourth_order import FourthOrder
 from flexfmu.reduction.model import assemble_model
 from flexfmu.reduction.modes import normal_modes, with_residual_flexibility
+from flexfmu.reduction.rigid_fit import by_node, rigid_fit
 from flexfmu.reduction.third_order import (
-    fitted_rotation,
+    fitted_motion,
     lever_sums,
     missed_energy,
     third_order_motion,
     turning_forces,
 )
+from flexfmu.study.scene.whole_model import finite_motion
 from meshes import STEEL, arc, body_file, box, grid, lattice
 from references import relative
 
@@ -252,47 +252,45 @@ def test_places_of_third_order_are_those_that_the_tree_makes(kept, tmp_path):
 
 
 def section():
-    """Nodal forces of unit moments (3n, 3) on a section of nodes, and those, by (3)."""
+    """A section of seven nodes, read at a point off them, as an interface."""
     points = np.random.default_rng(3).standard_normal((7, 3))
-    arms = np.concatenate([np.tile(np.eye(3), (7, 1)), np.concatenate([skew(-p) for p in points])], axis=1)
-    return np.linalg.pinv(arms)[3:].T, points
+    point = np.array([2.0, -1.0, 1.5])
+    weights = by_node(np.arange(7), np.random.default_rng(8).uniform(1.0, 2.0, 7))
+    return InterfaceFit(
+        "point", point, weights.nodes, np.zeros(0), rigid_fit(points, weights, point)[0], False, 0
+    ), points
 
 
-def fitted(loads, points, field):
-    """Rotation vector that leaves displacements (n, 3) without a turn when it is taken back."""
-    turn = np.eye(3)
-    for _ in range(60):
-        left = loads.T @ ((points + field) @ turn - points).ravel()
-        turn = turn @ Rotation.from_rotvec(left).as_matrix()
-    return Rotation.from_matrix(turn).as_rotvec()
+def off_its_nodes(fit, points):
+    return (fit.point - fit.operator[:3] @ points.ravel())[None]
 
 
-def test_rotation_vectors_of_a_section_are_right_to_third_order():
-    loads, points = section()
+def test_motions_of_a_point_off_its_section_are_right_to_third_order():
+    fit, points = section()
     field = 0.02 * np.random.default_rng(4).standard_normal((7, 3))
-    turned = (loads.T @ field.ravel())[None, None]
-    third = fitted_rotation(turned, *(lever_sums(loads, x[None]) for x in (points, field)))[0, 0]
-    odd = [0.5 * (fitted(loads, points, k * field) - fitted(loads, points, -k * field)) for k in (1.0, 2.0)]
+    turned, sums = fit.operator[3:] @ field.ravel(), (lever_sums(fit.operator[3:].T, x[None]) for x in (points, field))
+    third = fitted_motion(turned[None, None], *sums, off_its_nodes(fit, points))[0, 0]
+    odd = [0.5 * (finite_motion(fit, points, k * field) - finite_motion(fit, points, -k * field)) for k in (1.0, 2.0)]
     exact = (odd[1] - 2.0 * odd[0]) / 6.0
-    assert third == pytest.approx(exact, rel=2e-2, abs=2e-2 * np.abs(exact).max())
+    assert third == pytest.approx(exact, rel=2e-2, abs=2e-2 * np.abs(exact[3:]).max())
 
 
-def test_forces_by_which_a_moment_turns_are_the_gradient_of_its_work():
-    loads, points = section()
-    fields = np.random.default_rng(5).standard_normal((2, 7, 3))
-    moments = np.random.default_rng(6).standard_normal((2, 1, 3))
+def test_forces_by_which_loads_turn_are_the_gradient_of_their_work():
+    fit, points = section()
+    fields, loads = np.random.default_rng(5).standard_normal((2, 7, 3)), fit.operator[3:].T
+    acting = np.random.default_rng(6).standard_normal((2, 1, 6))
     turned = np.array([loads.T @ field.ravel() for field in fields])[:, None]
     sums = lever_sums(loads, points[None]), lever_sums(loads, fields)
-    force = turning_forces(loads, moments, turned, *sums)
+    force = turning_forces(loads, acting, turned, *sums, off_its_nodes(fit, points))
 
     def second(field):
         size = 1e-3
-        even = 0.5 * (fitted(loads, points, size * field) + fitted(loads, points, -size * field))
+        even = 0.5 * (finite_motion(fit, points, size * field) + finite_motion(fit, points, -size * field))
         return even / size**2
 
     for a, b in ((0, 0), (0, 1), (1, 0)):
         for other in fields:
-            change = moments[a, 0] @ (second(fields[b] + other) - second(fields[b] - other)) / 2.0
+            change = acting[a, 0] @ (second(fields[b] + other) - second(fields[b] - other)) / 2.0
             assert force[:, a, b] @ other.ravel() == pytest.approx(change, rel=1e-3)
 
 
@@ -300,12 +298,12 @@ def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
     mesh = arc(ElementType.C3D20, (8, 1, 1), 1.0, 0.05, angle=1.2)
     reduced = reduce_body(body_file(mesh, tmp_path, interface=["TIP"], frames=2), Reporter())
     random = np.random.default_rng(2)
-    motions, loads = 1e-2 * random.standard_normal((3, reduced.mode_count)), random.standard_normal((3, 1, 6))
+    motions, loads = 1e-2 * random.standard_normal((3, reduced.mode_count)), random.standard_normal((3, 8))
     work = np.diag(1e-6 * random.standard_normal(6))
-    sums = [1e-2 * random.standard_normal((n, 1, 3, 3, 3)) for n in (1, 3)]
+    sums = [*(1e-2 * random.standard_normal((n, 1, 3, 3, 3)) for n in (1, 3)), random.standard_normal((1, 3))]
 
     def springs(amplitudes):
-        return 1e-6 * amplitudes[0] * amplitudes[1] ** 2 * amplitudes[2]
+        return 1e-6 * np.stack([amplitudes[0] * amplitudes[1] * amplitudes[2], amplitudes[1] ** 3], axis=-1)
 
     forms, signs = missed_energy(reduced, motions, loads, 0, sums, work, 0.0, springs)
     amplitudes = random.standard_normal(3)
@@ -313,11 +311,11 @@ def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
     q = (amplitudes @ motions)[None]
     third = third_order_motion(reduced, q, np.ones((1, 1)))[0, 0]
     moved = np.tensordot(amplitudes, sums[1], 1)[None]
-    third[3:] -= fitted_rotation((reduced.interface_rotation @ q[0])[None], sums[0], moved)[0, 0]
+    third -= fitted_motion((reduced.interface_rotation @ q[0])[None], sums[0], moved, sums[2])[0, 0]
     found = signs @ np.einsum("kij,i,j->k", forms, amplitudes, amplitudes) ** 2
     assert set(signs) == {-1.0, 1.0}
     assert found == pytest.approx(
-        (amplitudes @ loads[:, 0]) @ third - pairs @ work @ pairs + springs(amplitudes), rel=1e-9
+        (amplitudes @ loads) @ np.concatenate([third, springs(amplitudes)]) - pairs @ work @ pairs, rel=1e-9
     )
     # Of a stiff motion the first power, however much its square would count.
     alone, small = amplitudes * [0.0, 1.0, 1.0], 1e-4 * amplitudes * [1.0, 0.0, 0.0]

@@ -161,9 +161,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """
     names = list(known)
     near = alike(name, names)
-    if near:
-        return f"did you mean {' or '.join(map(repr, near))}?"
-    return f"there are: {listed(names)}"
+    return f"did you mean {' or '.join(map(repr, near))}?" if near else f"there are: {listed(names)}"
 
 
 def alike(name: str, known: Iterable[str], count: int = 3) -> list[str]:

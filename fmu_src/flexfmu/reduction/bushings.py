@@ -220,13 +220,12 @@ class Bushings:
         return found
 
     def third(self, shapes: FloatArray, amplitudes: FloatArray) -> FloatArray:
-        """Work (k,) of what springs pull on what they read at third order, by shapes (3n, m) and amplitudes (m, k)."""
-        found = np.zeros(amplitudes.shape[1])
-        for one, own in zip(self.readings, self.linear, strict=True):
-            u = shapes[one.columns] @ amplitudes
-            third = np.einsum("p,pkr->rk", _AROUND**-3 / 16.0, one.values(np.multiply.outer(_AROUND, (one.rows @ u).T)))
-            found += (one.spring.stiffness[:, None] * (own @ u) * third.real).sum(axis=0)
-        return found
+        """Readings (k, 6b) like those of `rows` at third order, by shapes (3n, m) and amplitudes (m, k)."""
+        found = [np.zeros((amplitudes.shape[1], 0))]
+        for one in self.readings:
+            z = np.multiply.outer(_AROUND, ((one.rows @ shapes[one.columns]) @ amplitudes).T)
+            found.append(np.sqrt(one.spring.stiffness) * np.einsum("p,pkr->kr", _AROUND**-3 / 16.0, one.values(z)).real)
+        return np.hstack(found)
 
 
 def resisted(

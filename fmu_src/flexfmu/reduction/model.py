@@ -313,9 +313,7 @@ def rigid_basis(points: FloatArray) -> FloatArray:
 def free_motions(points: FloatArray, held: BoolArray, soft: sp.csr_array | None = None) -> FloatArray:
     """Rigid motions (3n, r) of points (n, 3) that move no held translation (n, 3) and no bushing (6b, 3n)."""
     motions = rigid_basis(points)
-    rows = motions[held]
-    if soft is not None:
-        rows = np.concatenate([rows, soft @ motions.reshape(-1, 6)])
+    rows = motions[held] if soft is None else np.concatenate([motions[held], soft @ motions.reshape(-1, 6)])
     _, values, turn = np.linalg.svd(np.concatenate([rows, np.zeros((6, 6))]))
     # Without any support the plain translations and rotations are clearer than the axes of a decomposition.
     free = np.eye(6) if not rows.size else turn[values <= _FREE * values.max()].T

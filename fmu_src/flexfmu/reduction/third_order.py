@@ -9,13 +9,9 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from ..files.basics import FloatArray
+from ..files.basics import FloatArray, IntArray
 from ..model.reduced_body import ReducedBody
 from ..model.rotations import skew
-
-# Samples that a quartic form is found from, for each of its terms, and amplitudes of stiff motions there, whose
-# squares may be ten thousand times what counts: at 1e-3 a channel told 0.8 or 1.9 of its error, by signs of motions.
-_SAMPLES, _LITTLE = 2, 1e-6
 
 
 def third_order_motion(body: ReducedBody, motions: FloatArray, amplitudes: FloatArray) -> FloatArray:
@@ -79,8 +75,8 @@ def lever_sums(loads: FloatArray, fields: FloatArray) -> FloatArray:
     return np.einsum("kna,nbic->kicab", fields, loads.reshape(fields.shape[1], 3, -1, 3), optimize=True)
 
 
-def fitted_rotation(turned: FloatArray, still: FloatArray, moved: FloatArray) -> FloatArray:
-    """Third order of rotation vectors whose turn, taken back, leaves a section none of (3).
+def fitted_motion(turned: FloatArray, still: FloatArray, moved: FloatArray, off: FloatArray) -> FloatArray:
+    """Third order of points, and of rotation vectors whose turn, taken back, leaves a section none of (3).
 
     Parameters
     ----------
@@ -88,10 +84,13 @@ def fitted_rotation(turned: FloatArray, still: FloatArray, moved: FloatArray) ->
         Linear rotations.
     still, moved : (k or 1, I, 3, 3, 3) float
         `lever_sums` of places and of displacements.
+    off : (I, 3) float
+        How far points lie off the centres of their nodes, which carry them.
 
     Returns
     -------
-    (k, I, 3) float
+    (k, I, 6) float
+        m and rad.
     """
 
     def read(turn: FloatArray, sums: FloatArray) -> FloatArray:
@@ -99,27 +98,35 @@ def fitted_rotation(turned: FloatArray, still: FloatArray, moved: FloatArray) ->
 
     hat = skew(turned)
     more = skew(read(0.5 * hat @ hat, still) - read(hat, moved))
-    return read(0.5 * hat @ hat - more, moved) + read(0.5 * (hat @ more + more @ hat) - hat @ hat @ hat / 6.0, still)
+    both, cubed = 0.5 * (more @ hat + hat @ more), hat @ hat @ hat / 6.0
+    third = read(0.5 * hat @ hat - more, moved) + read(both - cubed, still)
+    return np.concatenate([((skew(third) + both + cubed) @ off[..., None])[..., 0], third], axis=-1)
 
 
 def turning_forces(
-    loads: FloatArray, moments: FloatArray, turned: FloatArray, still: FloatArray, moved: FloatArray
+    loads: FloatArray, acting: FloatArray, turned: FloatArray, still: FloatArray, moved: FloatArray, off: FloatArray
 ) -> FloatArray:
-    """Gradient (3n, r, r) of the work of moments on rotation vectors of second order, by motions of both.
+    """Gradient (3n, r, r) of the work of loads on points and rotation vectors of second order, by motions of both.
 
     Parameters
     ----------
     loads : (3n, 3I) float
         Nodal forces of unit moments.
-    moments, turned : (r, I, 3) float
-        Moments that cause motions, and linear rotations by them.
+    acting : (r, I, 6) float
+        Forces and moments that cause motions.
+    turned : (r, I, 3) float
+        Linear rotations by them.
     still, moved : (1, I, 3, 3, 3) and (r, I, 3, 3, 3) float
-        As of `fitted_rotation`.
+        As of `fitted_motion`.
+    off : (I, 3) float
+        Likewise.
     """
+    pulls, moments = acting[:, None, :, :3], acting[..., 3:] + np.cross(off, acting[..., :3])
     force, hat = loads.reshape(len(loads) // 3, 3, -1, 3), skew(turned)
     own = np.einsum("icxy,aic->aixy", still[0], moments)[:, None]
     sums = 0.5 * (hat @ own + own @ hat) - np.einsum("bicxy,aic->abixy", moved, moments)
     about = (sums - sums.swapaxes(-2, -1))[..., [1, 2, 0], [2, 0, 1]]
+    about += 0.5 * (np.cross(np.cross(turned, off), pulls) + np.cross(off, np.cross(pulls, turned)))
     result = np.einsum("bixy,nyic,aic->nxab", hat, force, moments, optimize=True)
     return (result + np.einsum("nxic,abic->nxab", force, about)).reshape(len(loads), len(turned), -1)
 
@@ -135,18 +142,18 @@ def missed_energy(
     body : ReducedBody
     motions : (r, m) float
         Modal coordinates of static responses.
-    loads : (r, I, 6) float
-        Forces and moments on the interfaces that cause them, N and N m.
+    loads : (r, 6 I + s) float
+        Forces and moments on the interfaces that cause them, N and N m, and pulls of springs.
     stiff : int
         How many of the first ones count by their first power alone.
-    sums : (1, I, 3, 3, 3) and (r, I, 3, 3, 3) float
-        `lever_sums` of places and of motions.
+    sums : (1, I, 3, 3, 3), (r, I, 3, 3, 3) and (I, 3) float
+        `lever_sums` of places and of motions, and how far points are off their nodes.
     work : (p, p) float
         Of the loads on the model's displacements of third order, by pairs of motions, J.
     least : float
         Energy up to which a form is left out, J.
     springs : callable
-        Takes amplitudes (r, k). Work (k,) of springs of the finite element model on what they read at third order, J.
+        Takes amplitudes (r, k). What springs of the finite element model read at third order (k, s).
 
     Returns
     -------
@@ -155,27 +162,31 @@ def missed_energy(
     signs : (k,) float
         Of their squares, which add up to the energy.
     """
-    first, second = np.array(list(combinations_with_replacement(range(len(motions)), 2))).T
-    rows, columns = np.triu_indices(len(first))
-    four = np.sort(np.stack([first[rows], second[rows], first[columns], second[columns]], axis=1))
-    terms, which, times = np.unique(four, axis=0, return_inverse=True, return_counts=True)
-    once = (terms < stiff).sum(axis=1) < 2
-    amplitudes = np.random.default_rng(0).standard_normal((_SAMPLES * once.sum(), len(motions)))
-    amplitudes[:, :stiff] *= _LITTLE
-    pairs = amplitudes[:, first] * amplitudes[:, second]
-    third = third_order_motion(body, motions, amplitudes)
-    turned = np.tensordot(amplitudes, motions @ body.interface_rotation.swapaxes(1, 2), (1, 1))
-    third[..., 3:] -= fitted_rotation(turned, sums[0], np.tensordot(amplitudes, sums[1], 1))
-    energy = np.einsum("kr,rij,kij->k", amplitudes, loads, third, optimize=True) + springs(amplitudes.T)
-    products, found = amplitudes[:, terms[once]].prod(axis=2), np.zeros(len(terms))
-    found[once] = np.linalg.solve(products.T @ products, products.T @ (energy - ((pairs @ work) * pairs).sum(axis=1)))
-    matrix = np.zeros(work.shape)
+    count, turns = len(motions), motions @ body.interface_rotation.swapaxes(1, 2)
+
+    def cubic(*several: IntArray) -> FloatArray:
+        """Third orders (k, l) in sums of motions (k,)."""
+        amplitudes = np.sum([np.eye(count)[one] for one in several], axis=0)
+        third, moved = third_order_motion(body, motions, amplitudes), np.tensordot(amplitudes, sums[1], 1)
+        third -= fitted_motion(np.tensordot(amplitudes, turns, (1, 1)), sums[0], moved, sums[2])
+        return np.hstack([third.reshape(len(third), -1), springs(amplitudes.T)])
+
+    # A cubic form follows from what it is of sums of three motions; equations of quartic terms would be thousands.
+    a, b, c = np.array([one for one in combinations_with_replacement(range(count), 3) if one[1] >= stiff]).T
+    one, two = cubic(np.arange(count)), cubic(*np.indices((count, count)).reshape(2, -1)).reshape(count, count, -1)
+    found = cubic(a, b, c) - two[a, b] - two[a, c] - two[b, c] + one[a] + one[b] + one[c]
+    found /= ((1 + (a == b)) * (1 + (b == c) * (1 + (a == b))))[:, None]
+    every = np.stack([each.ravel() for each in np.broadcast_arrays(np.arange(count)[:, None], a, b, c)], axis=-1)
+    pairs, places = np.array(list(combinations_with_replacement(range(count), 2))), count ** np.arange(4)
+    four = np.sort(np.concatenate(np.broadcast_arrays(pairs[:, None], pairs), axis=2), axis=2)
+    terms, which, times = np.unique(four @ places, return_inverse=True, return_counts=True)
+    energy = np.bincount(np.searchsorted(terms, np.sort(every) @ places), (loads @ found.T).ravel(), len(terms))
+    energy -= np.bincount(which.ravel(), work.ravel(), len(terms))
     # Equal parts of a term go to all products of two pairs that make it.
-    matrix[rows, columns] = (0.5 * found / times)[which.ravel()]
-    values, vectors = np.linalg.eigh(matrix + matrix.T)
+    values, vectors = np.linalg.eigh(np.where(four[..., 1] < stiff, 0.0, (energy / times)[which.reshape(work.shape)]))
     kept = np.abs(values) > least
-    forms = np.zeros((kept.sum(), len(motions), len(motions)))
+    forms = np.zeros((kept.sum(), count, count))
     half = 0.5 * vectors[:, kept].T * np.sqrt(np.abs(values[kept]))[:, None]
-    forms[:, first, second] = half
-    forms[:, second, first] += half
+    forms[:, pairs[:, 0], pairs[:, 1]] = half
+    forms[:, pairs[:, 1], pairs[:, 0]] += half
     return forms, np.sign(values[kept])
