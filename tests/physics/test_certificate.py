@@ -288,6 +288,25 @@ def test_a_shadow_with_shapes_of_its_own_takes_two_steps():
     assert told == pytest.approx(true_error(body, model, state, loads), rel=0.4)
 
 
+@pytest.mark.slow
+def test_a_relieved_shadow_tells_in_slices_what_it_tells_at_once(tmp_path):
+    """Which step comes first is known before its pieces are counted: 100 % was told of 3."""
+    body = sector().build(surface=False).reduced
+    body = replace(body, damping_ratio=np.full(body.damping_ratio.shape, 0.9))
+    quiet = ("rotation", "strain", "stability", "stiffness_missed", "truncation", "steps_missed")
+    driven = Driven(body, tmp_path, **{f"watch.{name}.limit": 0.0 for name in quiet}, **{"watch.error.limit": 0.02})
+    at_once = []
+    for share in np.arange(1, 3001) / 2000:
+        driven.set(**{"top.force.x": min(share, 1.0) * 300.0, "top.force.z": min(share, 1.0) * 90.0})
+        assert driven.taken(1e-4)
+        if driven.log:
+            break
+        at_once += driven.get("diagnostics.error") if int(2000 * share) % 50 == 0 else []
+    told = 0.01 * float(re.search(r"off by (?:more than )?(\S+) %", driven.log[0][1])[1])
+    assert told < 0.05
+    assert min(abs(told - found) for found in at_once) < 0.1 * told
+
+
 def block():
     """With two of its sides fast."""
     mesh = box(ElementType.C3D20, (2, 4, 4), (0.03, 0.05, 0.05))

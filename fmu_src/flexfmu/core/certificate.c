@@ -194,7 +194,10 @@ static int factors_of(Body *shadow, Room *room, int opened) {
  * joints ring (nearly all of it), and of the stiffness what they may leave. */
 static const double SMALL = 1e-3, RINGING = 0.05, LEFT = 0.5;
 
-static int done_otherwise(const Room *room, int how) { return (int)room->found[OTHERWISE] & how; }
+/* In pieces it is known before any is done, so that they can be counted. */
+static int done_otherwise(const Slice *slice, const Room *room, int how) {
+    return (slice ? slice->otherwise : (int)room->found[OTHERWISE]) & how;
+}
 static int done_anew(Slice *slice, Room *room, int how) {
     if (!slice) room->found[OTHERWISE] += (double)how;
     if (slice && slice->failed < FAILED_PIECEMEAL) slice->failed = how == SLACK ? FAILED_TENSE : FAILED_STEEP;
@@ -204,7 +207,7 @@ static int done_anew(Slice *slice, Room *room, int how) {
 /* Whether the body is soft or not stable since its stiff joints ring, as they do in motion: all begins anew without the tension that
  * they have for a moment. */
 static int rings(Slice *slice, Room *room) {
-    if (done_otherwise(room, SLACK) || !(room->found[INERTIA] > RINGING * room->found[REACH])) return 0;
+    if (done_otherwise(slice, room, SLACK) || !(room->found[INERTIA] > RINGING * room->found[REACH])) return 0;
     return done_anew(slice, room, SLACK);
 }
 
@@ -227,7 +230,7 @@ static int newton_step(Body *shadow, Room *room, const double *inputs, double *b
     if (began >= 0) {
         /* Where the body's motion strains the shadow: a first step without this tension relieves it. */
         if (!factors_of(shadow, room, opened && !last)) {
-            if (!rings(slice, room) && !done_otherwise(room, EASED)) done_anew(slice, room, EASED);
+            if (!rings(slice, room) && !done_otherwise(slice, room, EASED)) done_anew(slice, room, EASED);
             return 0;
         }
         leave_block(slice, began, blocks + FACTORS);
@@ -263,7 +266,7 @@ static void tense_by_step(Body *shadow, Room *room) {
 
 /* One step after another: of a shadow with loops opened the first one finds the joints' tension. */
 static int newton_steps(Body *shadow, Room *room, const double *inputs, int opened, int again) {
-    const int eased = done_otherwise(room, EASED) != 0;
+    const int eased = done_otherwise(shadow->slice, room, EASED) != 0;
     if (!newton_step(shadow, room, inputs, room->blocks, opened, eased, !again && !eased)) return 0;
     if (!(again || eased) || over(shadow->slice)) return 1;
     if (opened) tense_by_step(shadow, room);
@@ -391,7 +394,7 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
         configure(body, q, &at);
         places_in(p, &at, room->moved);
         memset(room->tense, 0, (size_t)(12 * shadow->p->ties) * sizeof(double));
-        if (p->ties && !done_otherwise(room, SLACK)) tie_tension(body, &at, room->tense);
+        if (p->ties && !done_otherwise(slice, room, SLACK)) tie_tension(body, &at, room->tense);
         room->found[OWN] = 0.0;
         if (p->curved) places_by_frames(body, &at, room->plain);
         if (p->curved) room->found[OWN] = apart(room->moved, room->plain, p->interfaces, room->bent);
@@ -431,7 +434,6 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
     shadow->slice = slice;
     if (due(slice, 0.0)) {
         memset(room->found, 0, FOUND * sizeof(double));
-        room->found[OTHERWISE] = slice ? (double)slice->otherwise : 0.0;
         memset(room->error, 0, (size_t)(2 * interfaces) * sizeof(double));
     }
     int known = body_at(body, shadow, inputs, q, room) && (over(slice) || newton_steps(shadow, room, inputs, opened, again));
@@ -449,7 +451,7 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
             places_in(shadow->p, &room->at, room->other);
             apart(room->moved, room->other, interfaces, room->error);
             /* A step from so far may lead anywhere. */
-            for (int64_t i = 0; i < 2 * interfaces && done_otherwise(room, EASED); i++)
+            for (int64_t i = 0; i < 2 * interfaces && done_otherwise(slice, room, EASED); i++)
                 room->error[i] = fmin(room->error[i], room->found[i % 2 ? TURNED : REACH]);
         }
         places_by_frames(shadow, &room->at, room->plain);
