@@ -2,6 +2,7 @@
 
 import dataclasses
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from flexfmu.reduction.bushings import resisted
 from flexfmu.reduction.model import assemble_model
 from flexfmu.study.scene.whole_model import TurningLoad, finite_motion
 from flexfmu.study.smallest import own_error
-from meshes import box, with_sets
+from meshes import bars, box, with_sets
 from turns import exponential
 
 STIFFNESS, TURNING = np.array([2e4, 5e4, 9e4]), np.array([30.0, 70.0, 110.0])
@@ -333,3 +334,18 @@ def test_the_whole_model_on_a_bushing_turns_far_as_a_rigid_body_does():
     found = finite_motion(interface, model.mesh.points, path.displacement[0])
     np.testing.assert_allclose(found[:3], expected[:3], atol=1e-3 * np.linalg.norm(expected[:3]))
     np.testing.assert_allclose(found[3:], expected[3:], atol=1e-3 * np.linalg.norm(expected[3:]))
+
+
+@pytest.mark.slow
+def test_an_arm_pressed_beyond_its_critical_load_goes_where_it_is_pushed():
+    """It turns on its bushings: Newton's method for all of the load at once at times found the opposite equilibrium."""
+    rows = [(0, 0, 0), (7, 0, 0)], [(0, 6, 0), (7, 6, 0)], [(8, 0, 0), (8, 6, 0)], [(9, 3, 0), (11, 3, 0)]
+    mesh = bars(ElementType.C3D20, rows, 0.02)
+    x, y, _ = mesh.points.T
+    feet = [np.flatnonzero((x == 0.0) & half) for half in (y < 0.07, y > 0.07)]
+    bushing = {"fix": (), "stiffness": (2e7, 2e7, 2e7), "rotational_stiffness": (400.0, 60.0, 400.0)}
+    held = [flexfmu.Support(foot, **bushing) for foot in feet]
+    body = flexfmu.Body(mesh, supports=held, interfaces={"tip": np.flatnonzero(x > 0.239)}).build(surface=False)
+    for force, aside in product(np.linspace(600.0, 3000.0, 17), (0.1, 0.3)):
+        found = body.response(body.static({"tip": (-force, 0.0, aside * force)}))
+        assert found.displacement[0, 2] > 0.05

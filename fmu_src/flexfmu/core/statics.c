@@ -122,14 +122,14 @@ static int newton(Body *body, Room *room, double *q, int64_t *rounds) {
     return 0;
 }
 
-/* Places between two equilibria of a body that stretches at which it must be stable: else one has snapped to the other. */
+/* Places between two equilibria at which a body must be stable: else it has snapped, or buckled the other way. */
 enum { BETWEEN = 3 };
 
 /* Whether an equilibrium under room->inputs follows stably from room->start, one under a smaller part of the loads. */
 static int follows(Body *body, Room *room, const double *q, double earlier) {
     const int64_t m = body->p->modes;
     /* Between equilibria of a cut body its stiff springs do not fit, and their tension tells nothing. */
-    if (!body->p->stretches || body->p->ties) return 1;
+    if (body->p->ties) return 1;
     for (int k = 1; k <= BETWEEN; k++) {
         const double part = (double)k / (BETWEEN + 1), less = earlier + part * (1.0 - earlier);
         for (int64_t j = 0; j < m; j++) room->trial[j] = room->start[j] + part * (q[j] - room->start[j]);
