@@ -102,13 +102,18 @@ def main(path: Path) -> list[Record]:
         *up,
         ("1 kN along the arms", [1e3, 0.0, 0.0], 1e-2),
         ("1 kN up", [0.0, 0.0, 1e3], 0.1),
+        ("50 kN up", [0.0, 0.0, 5e4], 0.1),
+        ("400 kN up", [0.0, 0.0, 4e5], 1e-2),
     ]
     records = []
     for name, config in (("axle, cut, one frame a part", plain), ("axle, cut, of the body file", axle)):
         records += measure(name, FlexibleBody(reduce_body(config, quiet, store)), "wheel_left", cases)
     beam = read_body_file(BEAM / "body.toml").model_copy(update={"frames": 8})
     body = FlexibleBody(reduce_body(beam, quiet, store), Method.FRAMES)
-    loads = [(f"{size:g} kN across", [0.0, 1e3 * size, 0.0], step) for size, step in ((10, 0.1), (20, 1.0), (200, 1.0))]
+    loads = [
+        (f"{size:g} kN across", [0.0, 1e3 * size, 0.0], step)
+        for size, step in ((10, 0.1), (20, 1.0), (200, 1.0), (2000, 1.0))
+    ]
     records += measure("clamped beam, 8 frames", body, "tip", loads)
     rounded = [{k: f"{v:.4g}" if isinstance(v, float) else v for k, v in asdict(one).items()} for one in records]
     write_records(path, rounded)
