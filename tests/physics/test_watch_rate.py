@@ -151,3 +151,19 @@ def test_steps_that_take_longer_do_less_of_a_look(bar, tmp_path):
     assert longer > plain + divided / 3
     assert "off by" in said
     assert said == again
+
+
+def test_a_look_goes_on_with_internal_steps(bar, tmp_path):
+    """Beside eight of them eight slices are as little as one beside one."""
+    start = QUIET | {"watch.stability.limit": 0.0, "watch.steps_missed.limit": 0.0, "watch.error.limit": 1e-9}
+    took = []
+    for fewest in (1.0, 8.0):
+        driven = Driven(bar, tmp_path, **start, **{"internal_step.fewest": fewest, "internal_step.tolerance": 1.0})
+        driven.set(**{"tip.force.z": 1000.0})
+        took.append(0)
+        while not driven.log:
+            assert driven.taken(STEP)
+            took[-1] += 1
+        assert "off by" in driven.log[0][1]
+    assert 20 < took[0]
+    assert took[1] < took[0] / 4

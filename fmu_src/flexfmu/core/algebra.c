@@ -99,14 +99,15 @@ void lu_solve_one(const double *a, const int64_t *pivot, double *b, int64_t n, S
     for (int64_t i = n - 1 - rows.at; i > n - 1 - rows.end; i--) b[i] = (b[i] - dot(a + i * n + i + 1, b + i + 1, n - 1 - i)) / a[i * n + i];
 }
 
-/* Each row finds its part of a few columns at once, while it is near. */
+/* Rows find their parts of a few columns while they are near, one column after the other: no row waits for another. */
 enum { COLUMNS = 8 };
 
 int cholesky(double *a, int64_t n, Slice *slice) {
     for (int64_t first = 0; first < n; first += COLUMNS) {
-        const Rows rows = rows_due(slice, n - first, (double)(COLUMNS * (n / 3 + 60)));
-        for (int64_t i = first + rows.at; i < first + rows.end; i++)
-            for (int64_t j = first; j <= i && j < first + COLUMNS; j++) {
+        const Fours now = fours_due(slice, n - first, (double)(4 * COLUMNS * (n / 3 + 60)));
+        const int64_t at = first + now.at, end = at + now.count;
+        for (int64_t j = first; j < end && j < first + COLUMNS; j++)
+            for (int64_t i = j > at ? j : at; i < end; i++) {
                 const double rest = a[i * n + j] - dot(a + i * n, a + j * n, j);
                 const int positive = i > j || (rest > 0.0 && isfinite(rest));
                 if (!positive && !slice) return 0;

@@ -435,7 +435,7 @@ static Answer whole_step(Instance *x, double time, double step, char *why) {
         body_refusal(x->body, answer, step, &work, why, TEXT_SIZE);
         return instance_failed(x, step_refused(x));
     }
-    leave_to_looks(x, (double)work.iterations / usual);
+    leave_to_looks(x, (double)work.iterations, usual);
     const Answer verdict = inspect(x, x->over->q1, x->over->v1, within, ramps ? x->over->end_inputs : x->over->start_inputs, 0, why);
     if (verdict != ANSWER_OK) return instance_failed(x, verdict);
     memcpy(x->q, x->over->q1, (size_t)m * sizeof(double));

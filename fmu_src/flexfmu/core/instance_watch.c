@@ -31,7 +31,9 @@ int64_t finer_by(const Instance *x, double soon) {
     return !(off > 0.1 && off <= 1.0) ? 1 : off > 0.2 ? 4 : 2;
 }
 
-void leave_to_looks(Instance *x, double rounds) { x->pieces.part = fmin(1.0, fmax(0.125, (14.0 - rounds) / 8.0)); }
+void leave_to_looks(Instance *x, double rounds, double substeps) {
+    x->pieces.part = substeps * fmin(1.0, fmax(0.125, (14.0 - rounds / substeps) / 8.0));
+}
 
 /* What is looked for; limits and what happens beyond them follow each other in turn. */
 static Monitor monitor_of(Instance *x) {
@@ -149,7 +151,7 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
         rest_quietly(x, step);
         return ANSWER_OK;
     }
-    if (rests) leave_to_looks(x, 0.0);
+    if (rests) leave_to_looks(x, 0.0, 1.0);
     const Bounds bounds = {x->parameter[P_BOUND_ROTATION], x->parameter[P_BOUND_DISPLACEMENT]};
     const Monitor monitor = monitor_of(x);
     StepEnd end = {q, v, x->motion, inputs, step, x->q, x->v, rests, rests, 0};

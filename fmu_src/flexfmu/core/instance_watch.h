@@ -14,8 +14,9 @@ int find_motion_at(Instance *instance, const double *q, const double *v);
 Answer step_refused(const Instance *instance);
 /* By how much internal steps are divided once more as what they miss nears its limit, or would be, were it `soon` times as much. */
 int64_t finer_by(const Instance *x, double soon);
-/* What is left to looks of a step that took so many rounds for each internal step of the last one: an ordinary one takes six. */
-void leave_to_looks(Instance *x, double rounds);
+/* What is left to looks of a step that took so many rounds, where the last one took so many internal steps: an ordinary one takes
+ * six for each, and a slice for each is little beside it. */
+void leave_to_looks(Instance *x, double rounds, double substeps);
 /* Look at where a step of the body ends; ANSWER_OK where only warnings were found, which are told. Finds the motion there.
  * `rests`: the step before was the same, and nothing moved in either. */
 Answer inspect(Instance *instance, const double *q, const double *v, double step, const double *inputs, int rests, char *why);

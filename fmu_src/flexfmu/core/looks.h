@@ -53,7 +53,7 @@ typedef struct {
     double beyond; /* what stability is known to lie above */
     double energy; /* twice that of the body where the last step ended; NaN where nobody asked */
     double slow;   /* by how much longer looks at the error may take than of a small shadow */
-    double part;   /* of a slice that a step does: less where it takes longer itself */
+    double part;   /* slices that a step does: one for each internal step, less where it takes longer than the last one */
     Arena arena;
     double whole[LOOKS], by_load, eased; /* cost of all pieces of each look; of those of the cause also for each load that acts; of the error where it is eased */
     double *laid_out;             /* (WAITING, LAID_OUT): what the arena of each look begins with */
