@@ -110,3 +110,26 @@ def test_a_motion_beyond_the_limit_is_refused_on_request_and_leaves_what_was_tol
         assert count < 400
     assert driven.get(TOLD)[0] <= 0.005
     assert driven.get("status.code") == [1]
+
+
+@pytest.mark.slow
+def test_a_load_that_grows_slowly_is_not_warned_of_in_its_first_moments(tmp_path, frames):
+    """What it excites is much of the motion there, and little of what it becomes."""
+    driven, found = Driven(frames(1), tmp_path, **{"watch.truncation.limit": 0.0025}), []
+    for number in range(2000):
+        driven.set(**{"tip.force.x": 40.0 * number / 2000})
+        assert driven.taken(STEP)
+        found.append(driven.get(TOLD)[0])
+    assert max(found) > 0.0025 > 0.002 > found[-1]
+    assert driven.log == []
+
+
+@pytest.mark.slow
+def test_a_run_that_ends_while_its_motion_grows_is_warned_of_at_its_end(tmp_path, frames):
+    driven = Driven(frames(1), tmp_path, **{"tip.force.z": 40.0})
+    for _ in range(30):
+        assert driven.taken(STEP)
+    assert driven.get(TOLD)[0] > 0.01
+    assert driven.log == []
+    driven.side.status("terminate")
+    assert len(driven.log) == 1

@@ -109,6 +109,7 @@ void inspect_rest(Instance *x) {
     Memory memory = recalled(x);
     Findings found;
     finish_looks(&monitor, &memory, &found);
+    find_truncation(&monitor, &memory, &found);
     keep_memory(x, &memory);
     tell_warnings(x, &found);
 }

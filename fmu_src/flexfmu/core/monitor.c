@@ -146,13 +146,19 @@ static void going_astray(const Monitor *monitor, const StepEnd *end, Memory *mem
     }
 }
 
-static void truncation(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
+void find_truncation(const Monitor *monitor, Memory *memory, Findings *found) {
     const Watch *watch = monitor->watch + WATCH_TRUNCATION;
-    body_truncation(monitor->body, end, monitor->shape, &memory->course.truncation);
     if (!(watch->limit > 0.0) || !(memory->course.truncation.error > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_TRUNCATION]);
     if (!text) return;
     snprintf(text, FINDING_TEXT, SAY_TRUNCATION, 100.0 * memory->course.truncation.error, 100.0 * watch->limit);
+}
+
+/* In its first moments a motion is small, whatever a load is going to do: then the error over it tells little. */
+static void truncation(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
+    body_truncation(monitor->body, end, monitor->shape, &memory->course.truncation);
+    if (monitor->watch[WATCH_TRUNCATION].action != ON_WARN || truncation_settled(monitor->body, &memory->course.truncation))
+        find_truncation(monitor, memory, found);
 }
 
 /* Whether a step is refused for what was found. */

@@ -15,6 +15,8 @@ typedef struct {
 int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *why, size_t size);
 /* Whether the body deforms less than the bounds, and all that has not been warned of yet, allow. */
 int deforms_little(const Monitor *monitor, const Bounds *bounds, const double *q, const Memory *memory);
+/* Warn of truncation, whether the motion still grows or not. */
+void find_truncation(const Monitor *monitor, Memory *memory, Findings *found);
 /* Look at a step's end; `memory` is changed, as it counts if the step is accepted. */
 void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found);
 

@@ -324,6 +324,13 @@ void body_astray(Body *body, const StepEnd *end, double *drift, const double *as
     }
 }
 
+/* The square of a motion over the largest one yet from which it has grown. */
+static const double GROWN = 1.04;
+
+int truncation_settled(const Body *body, const Truncation *so_far) {
+    return (so_far->time - so_far->grown) * body->p->omega[body->p->rigid] >= 3.14159265358979323846;
+}
+
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far) {
     const Program *p = body->p;
     const int64_t m = p->modes, count = p->interfaces;
@@ -353,6 +360,11 @@ void body_truncation(const Body *body, const StepEnd *end, double *ahead, Trunca
     if (p->loads > 6 * count) add_rows(end->inputs + 6 * count, p->inertia_operator, ahead, 3, m);
     for (int64_t j = p->rigid; j < m; j++) ahead[j] /= p->omega[j] * p->omega[j];
     for (int k = 0; k < WAYS; k++) moved[k] = fmax(moved[k], linear_reach(p, k, ahead));
+    const double reach = moved[BY_SHIFT] + size * size * moved[BY_TURN];
+    if (reach > GROWN * so_far->reach) {
+        so_far->reach = reach;
+        so_far->grown = so_far->time;
+    }
     moved[BY_SHIFT] = fmax(moved[BY_SHIFT], UNSEEN * UNSEEN * size * size);
     /* Of turns half counts, over the largest, or over the deflection by the size. */
     moved[BY_TURN] = 4.0 * fmax(moved[BY_TURN], moved[BY_SHIFT] / (size * size));

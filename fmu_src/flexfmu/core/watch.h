@@ -47,13 +47,15 @@ typedef struct {
     double time, moved, off[CAUSES], error[CAUSES];
 } Astray;
 /* How far modes that are no vibrations of the finite element model have moved and turned interfaces out of phase: seconds so far,
- * the largest squares of both, and of linear displacements and rotations of interfaces; the error of the motion that follows.
- * `ahead` is workspace of m numbers. */
+ * the largest squares of both, and of linear displacements and rotations of interfaces; the error of the motion that follows;
+ * the square of what that is over, and when it last grew. `ahead` is workspace of m numbers. */
 enum { BY_SHIFT, BY_TURN, WAYS };
 typedef struct {
-    double time, mixed[WAYS], moved[WAYS], error;
+    double time, mixed[WAYS], moved[WAYS], error, reach, grown;
 } Truncation;
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far);
+/* Whether the motion that the error is over grows no more, as far as half of the slowest period tells. */
+int truncation_settled(const Body *body, const Truncation *so_far);
 /* Whether the mass of steps leaves nothing out. */
 int mass_is_exact(const Program *p);
 /* `drift` (3, m): how far coordinates and rates are off by the mass, and the momentum that it leaves out, where the step began and
