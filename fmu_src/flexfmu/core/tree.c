@@ -102,7 +102,13 @@ void four_rows(const Body *body, const double *packed, const double *x, double *
 void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r) {
     const int64_t groups = packed_groups(r);
     const Rows now = rows_due(body->slice, groups, added_cost(r));
-    if (now.at < now.end && !all_zero(factors, LANES)) add_packed(factors, packed, out, r, now.at, now.end);
+    if (now.at == now.end || all_zero(factors, LANES)) return;
+    if (now.end - now.at == groups) add_packed(factors, packed, out, r, 0, groups);
+    /* Of rows of a triangle a long and a short one in turn. */
+    for (int64_t i = now.at; i < now.end && now.end - now.at < groups; i++) {
+        const int64_t group = i % 2 == 0 ? i / 2 : groups - 1 - i / 2;
+        add_packed(factors, packed, out, r, group, group + 1);
+    }
 }
 
 void turn_rows(const Body *body, const Need *need, const double *bent, double *to) {
