@@ -19,6 +19,7 @@ from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FormulationTable
 from flexfmu.files.basics import UnitSystem
 from flexfmu.files.outputs import Reporter
+from flexfmu.files.store import Store
 from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.model import Material
@@ -334,7 +335,7 @@ def test_arms_that_turn_alike_are_cut_if_they_are_wrong_in_one_piece(spider, mon
     """Three folded arms leave 1/2.3 of the turning: in one piece they were 11 % off, by CalculiX, cut 0.2."""
     monkeypatch.setattr(parts, "turning_taken", lambda *_: 1.0)
     report = Notes()
-    assert reduce_body(spider(), report).ties is not None
+    assert reduce_body(spider(), report, Store(None)).ties is not None
     assert any("% in one piece" in text and "it is cut" in text for text in report.notes)
 
 
