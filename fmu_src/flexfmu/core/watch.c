@@ -1,5 +1,6 @@
 #include "watch.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -360,7 +361,8 @@ void body_truncation(const Body *body, const StepEnd *end, double *ahead, Trunca
     if (p->loads > 6 * count) add_rows(end->inputs + 6 * count, p->inertia_operator, ahead, 3, m);
     for (int64_t j = p->rigid; j < m; j++) ahead[j] /= p->omega[j] * p->omega[j];
     for (int k = 0; k < WAYS; k++) moved[k] = fmax(moved[k], linear_reach(p, k, ahead));
-    const double reach = moved[BY_SHIFT] + size * size * moved[BY_TURN];
+    /* Of loads beyond 1e154 that is no number any more. */
+    const double reach = fmin(moved[BY_SHIFT] + size * size * moved[BY_TURN], DBL_MAX);
     if (reach > GROWN * so_far->reach) {
         so_far->reach = reach;
         so_far->grown = so_far->time;
