@@ -418,15 +418,16 @@ def _forces(matrices: Matrices, fields: FloatArray, energy: FloatArray) -> Float
 
 
 # Motions, of which stiffer ones bear far more stress than they will; shapes in all, and of each motion. None counts
-# beyond a turn of 0.5 rad (rms), of the fourth motion none beyond the energy of the softest one there. With eight in
-# all a channel whose flanges had buckled was 2.6 % off in silence; with three motions a wing's box of shells 4 %.
+# beyond a turn of 0.5 rad (rms); the fourth motion counts where it buckles the body with no more energy than the softest
+# has there. With eight in all a channel whose flanges had buckled was 2.6 % off in silence; with three motions a wing's
+# box of shells 4 %.
 _BENT, _BUCKLED, _EACH = 4, 16, 6
 # Of the iteration, whose shapes need not be exact: directions at a time, as many as cost one right-hand side, rounds at
 # least and at most, relative error of what buckles, and energy, over a round's largest, that is round-off.
 _BLOCK, _ROUNDS, _TOLERANCE, _NONE, _SEED = 3, (5, 20), 1e-2, 1e-20, 20261122
 
 
-def buckling_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
+def buckling_loads(matrices: Matrices, loads: FloatArray, cut: bool) -> FloatArray:
     """Nodal forces (3n, k) whose static responses are shapes of buckling, K x = −λ K_σ x, of the smallest |λ|.
 
     K_σ is the geometric stiffness of one of the softest motions.
@@ -436,6 +437,8 @@ def buckling_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
     matrices : Matrices
     loads : (3n, l) float
         Nodal forces of the interfaces' unit loads.
+    cut : bool
+        Whether it is a part of a cut body, whose fourth motion is left out.
 
     Returns
     -------
@@ -445,21 +448,20 @@ def buckling_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
     # Loads on a support do nothing.
     if model.free.size <= _BLOCK * _ROUNDS[1] or not np.any(model.forces(loads)):
         return np.zeros((len(loads), 0))
-    motions, energy = softest_motions(matrices, loads)
+    (motions, energy), found = softest_motions(matrices, loads), []
     with matrices.report.counted("Find shapes of buckling", min(motions.shape[1], _BENT), "motions") as tell:
-        found = []
         for number, motion in enumerate(motions.T[:_BENT]):
-            found.append(_buckled_shapes(matrices, motion, np.sqrt(energy[number] / energy[0]) if number > 2 else 1.0))
+            soft = np.sqrt(energy[0] / energy[number]) * motion
+            if number < 3 or (not cut and _buckled_shapes(matrices, soft).size):
+                found.append(_buckled_shapes(matrices, motion))
             tell(number)
     # The lowest of each motion first.
     ranked = [shape for level in zip_longest(*found) for shape in level if shape is not None][:_BUCKLED]
     return model.applied(model.whole(np.array(ranked).reshape(-1, model.free.size).T))
 
 
-def _buckled_shapes(matrices: Matrices, motion: FloatArray, least: float) -> FloatArray:
+def _buckled_shapes(matrices: Matrices, motion: FloatArray) -> FloatArray:
     """Shapes (k, f) in which the stress of a motion (3n,), or its opposite, buckles the body, the first ones first.
-
-    1 / |λ| is `least` at the least.
 
     Block Lanczos iteration with K⁻¹K_σ, orthogonal in strain energy.
     """
@@ -485,8 +487,8 @@ def _buckled_shapes(matrices: Matrices, motion: FloatArray, least: float) -> Flo
         force = model.stiffness @ block
         # What they have of the next round.
         left = np.sqrt(np.abs(np.einsum("ik,ij,jk->k", found[own], block.T @ force, found[own])))
-        settled = left <= np.maximum(_TOLERANCE * np.abs(inverse), least - np.abs(inverse))
+        settled = left <= np.maximum(_TOLERANCE * np.abs(inverse), 1.0 - np.abs(inverse))
         if settled.all() and (number >= _ROUNDS[0] or not turn.size):
             break
-    first = np.argsort(-np.abs(inverse))[: np.sum(np.abs(inverse) > least)]
+    first = np.argsort(-np.abs(inverse))[: np.sum(np.abs(inverse) > 1.0)]
     return (spanned[:, :ended] @ found[:, first]).T

@@ -198,7 +198,7 @@ def _shadow(divided: _Divided, basis: _Basis, every: FloatArray, stretches: bool
     far, cut = divided.config.far, divided.cut
     third = partial(kept, "shapes of third order", third_order_loads, (basis.key, far, cut), basis.modes, loads)
     added = [every, third(*THIRD[far], cut)]
-    added.append(kept("shapes of buckling", buckling_loads, matrices.key, loads))
+    added.append(kept("shapes of buckling", buckling_loads, (matrices.key, cut), loads, cut))
     if stretches and not divided.cut:
         added.append(kept("displacements of second order", turning_loads, matrices.key, loads))
     modes, key = completed_basis(matrices, basis.modes, basis.key, np.hstack(added))
