@@ -418,9 +418,9 @@ def _forces(matrices: Matrices, fields: FloatArray, energy: FloatArray) -> Float
 
 
 # Motions, of which stiffer ones bear far more stress than they will; shapes in all, and of each motion. None counts
-# beyond a turn of 0.5 rad (rms); the fourth motion counts where it buckles the body with no more energy than the softest
-# has there. With eight in all a channel whose flanges had buckled was 2.6 % off in silence; with three motions a wing's
-# box of shells 4 %.
+# beyond a turn of 0.5 rad (rms); the fourth motion does where it buckles the body with no more energy than the
+# softest has there. With eight in all a channel whose flanges had buckled was 2.6 % off in silence; with three
+# motions a wing's box of shells 4 %.
 _BENT, _BUCKLED, _EACH = 4, 16, 6
 # Of the iteration, whose shapes need not be exact: directions at a time, as many as cost one right-hand side, rounds at
 # least and at most, relative error of what buckles, and energy, over a round's largest, that is round-off.
