@@ -378,7 +378,7 @@ def against_error(body: ReducedBody, recipe: Recipe) -> str:
         return f'{"take" if held else "build with frames and"} method = "second_order"'
     if body.ties is None and body.shadow is not None and body.shadow.body.ties is not None:
         return _CUT if body.shadow.body.ties.joins else _BUSHING
-    return "build with more frames, more modes, or residual_flexibility = true"
+    return "build with more frames or more modes"
 
 
 def against_rotation(body: ReducedBody, recipe: Recipe) -> str:
