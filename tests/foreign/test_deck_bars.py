@@ -31,7 +31,7 @@ def loaded(folder, name):
     tip = mesh.node_sets["TIP"]
     load = np.zeros((len(mesh.points), 3))
     load[tip] = FORCE / len(tip)
-    return mesh, unknowns(fixed, None), load.ravel()
+    return mesh, unknowns(fixed, mesh.equations), load.ravel()
 
 
 @pytest.mark.parametrize("name", BARS)

@@ -63,7 +63,7 @@ def test_energy_of_stretched_and_bent_patches_is_that_of_laminate_theory(kind, b
             -0.5 * (k[0] * x**2 + k[2] * x * y + k[1] * y**2),
         ]
     )
-    whole = unknowns(np.zeros((len(x), 3), dtype=bool), None, mesh.mixed)
+    whole = unknowns(np.zeros((len(x), 3), dtype=bool), mesh.equations, mesh.mixed)
     u = whole.of((moved @ turn.T).ravel())
     z = np.cumsum([-0.5 * thickness, *heights])
     plane = np.array([in_plane(CARBON, direction + (a if by_normal else sense * a)) for a in angles])

@@ -108,7 +108,7 @@ def test_patches_of_distorted_shells_hold_constant_strain_and_curvature(kind, fi
         # w = ½ 10⁻³ (x² + x y + y²), and lines stay normal.
         exact = 1e-3 * np.column_stack([-z * (x + 0.5 * y), -z * (y + 0.5 * x), 0.5 * (x**2 + x * y + y**2)])
     edge = (x < 1e-9) | (x > 0.24 - 1e-9) | (y < 1e-9) | (y > 0.12 - 1e-9)
-    held, whole = np.repeat(edge, 3), unknowns(np.zeros((len(x), 3), dtype=bool), None, mesh.mixed)
+    held, whole = np.repeat(edge, 3), unknowns(np.zeros((len(x), 3), dtype=bool), mesh.equations, mesh.mixed)
     matrix, given = stiffness(mesh).tocsc(), whole.of(exact.ravel())
     found = given.copy()
     found[~held] = spla.spsolve(matrix[~held][:, ~held], -matrix[~held][:, held] @ given[held])

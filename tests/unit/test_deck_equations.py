@@ -149,7 +149,7 @@ def test_what_is_no_linear_constraint_of_translations_is_refused_at_its_line(tmp
 
 def test_a_mean_rotation_whose_node_is_free_holds_nothing_and_is_told(tmp_path):
     mesh = read(tmp_path, BODY + "*NODE\n9, 0., 0., 1.\n*MPC\nMEANROT, 1, 1, 1, 2, 2, 2, 9\n")
-    assert mesh.equations is None
+    assert not mesh.equations.shape[0]
     assert any("MEANROT is left to an interface" in note for note in mesh.notes)
 
 

@@ -439,7 +439,7 @@ def test_a_solver_that_lacks_memory_says_so_and_not_that_the_body_is_free_to_mov
 def test_stiffness_and_mass_take_twelve_bytes_a_number():
     mesh = box(ElementType.C3D10, (3, 2, 2), (1.0, 0.3, 0.3))
     held = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
-    matrices = eliminated(stiffness(mesh), mass(mesh), unknowns(held, None))
+    matrices = eliminated(stiffness(mesh), mass(mesh), unknowns(held, mesh.equations))
     for one in (matrices.stiffness, matrices.mass, factorisation.upper_triangle(matrices.stiffness)):
         assert one.indices.dtype == one.indptr.dtype == np.int32
     # Those of all displacements are not kept.

@@ -37,7 +37,9 @@ class Reduced:
 def reduced(mesh, count):
     k, m = stiffness(mesh), mass(mesh)
     motions = np.zeros((k.shape[0], 0))
-    return Reduced(mesh, k, m, normal_modes(supported(eliminated(k, m, unknowns(mesh.fixed, None)), motions), count))
+    return Reduced(
+        mesh, k, m, normal_modes(supported(eliminated(k, m, unknowns(mesh.fixed, mesh.equations)), motions), count)
+    )
 
 
 def clamped(kind, counts, size):
@@ -215,7 +217,7 @@ class Noisy:
 def test_one_load_given_twice_adds_a_shape_once_whatever_the_round_off_of_its_solution(random):
     mesh = clamped(ElementType.C3D20, (6, 1, 1), (1.0, 0.1, 0.1))
     k, m = stiffness(mesh), mass(mesh)
-    model = supported(eliminated(k, m, unknowns(mesh.fixed, None)), np.zeros((k.shape[0], 0)))
+    model = supported(eliminated(k, m, unknowns(mesh.fixed, mesh.equations)), np.zeros((k.shape[0], 0)))
     load = np.zeros((k.shape[0], 1))
     load[3 * int(np.argmax(mesh.points.sum(axis=1))) + 1] = 1.0
     modes = normal_modes(model, 3)
@@ -229,7 +231,7 @@ def test_the_spread_of_a_mode_is_that_of_the_vibrations_it_is_made_of():
     """λ Σ c²/λ_i − 1 over all vibrations of a mesh, with λ = Σ c² λ_i: by the dense eigenproblem."""
     mesh = clamped(ElementType.C3D20, (2, 2, 2), (0.3, 0.1, 0.13))
     k, m = stiffness(mesh), mass(mesh)
-    model = supported(eliminated(k, m, unknowns(mesh.fixed, None)), np.zeros((k.shape[0], 0)))
+    model = supported(eliminated(k, m, unknowns(mesh.fixed, mesh.equations)), np.zeros((k.shape[0], 0)))
     loads = np.random.default_rng(5).standard_normal((k.shape[0], 2))
     found = with_residual_flexibility(model, normal_modes(model, 3), loads)
     values, vectors = scipy.linalg.eigh(model.stiffness.toarray(), model.mass.toarray())

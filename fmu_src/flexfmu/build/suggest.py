@@ -334,10 +334,9 @@ def _named_ends(mesh: Mesh) -> _Ends | None:
     once = {np.unique(rows).tobytes(): (name, rows) for name, rows in [*mesh.node_sets.items()][::-1] if len(rows)}
     ends = {name: rows for name, rows in reversed(once.values()) if not elements_within(mesh, rows).size}
     held = [name for name in ends if _FIXED.search(name)]
-    joined = [] if mesh.equations is None else mesh.equations.indices // 3
     taken = [node for name in held for node in ends[name]]
     apart = [name for name, rows in ends.items() if not np.isin(rows, taken).any()]
-    free = [name for name in apart if np.isin(ends[name], joined).mean() < _JOINED]
+    free = [name for name in apart if np.isin(ends[name], mesh.equations.indices // 3).mean() < _JOINED]
     stepped = any(name.startswith(_HELD) for name in mesh.node_sets)
     texts = [[(_name(name), toml_value(name)) for name in names] for names in (held, free)]
     return (texts[0], texts[1]) if held and free and not stepped else None

@@ -84,16 +84,14 @@ class Unknowns:
         return result
 
 
-def unknowns(
-    fixed: BoolArray, equations: sp.csr_array | None, mixed: tuple[IntArray, FloatArray] | None = None
-) -> Unknowns:
+def unknowns(fixed: BoolArray, equations: sp.csr_array, mixed: tuple[IntArray, FloatArray] | None = None) -> Unknowns:
     """The unknowns of a model.
 
     Parameters
     ----------
     fixed : (n, 3) bool
         Translations held at zero.
-    equations : (r, 3n) sparse or None
+    equations : (r, 3n) sparse
     mixed : tuple of (n, 4) int and (n, 4) float, optional
         `Mesh.mixed`.
 
@@ -111,9 +109,8 @@ def unknowns(
         # Where one point of several alone is held, neither the mean nor the difference is.
         both = fixed[node].all(axis=1)
         alone = sp.eye_array(held.size, format="csr")[np.flatnonzero((fixed & ~both).ravel())]
-        rows = alone if equations is None else sp.vstack([equations, alone])
-        equations, held = sp.csr_array(rows @ means), both.ravel()
-    if equations is None:
+        equations, held = sp.csr_array(sp.vstack([equations, alone]) @ means), both.ravel()
+    elif not equations.shape[0]:
         return Unknowns(np.flatnonzero(~held), held.size)
     # What is held drops out of the equations.
     dependent, matrix = solved(sp.csr_array(equations @ sp.diags_array((~held).astype(float))))

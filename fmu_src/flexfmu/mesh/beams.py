@@ -254,8 +254,7 @@ def with_beams(
     there = kept.size + 4 * chosen[:, None] + np.arange(4)
     fixed, rows = _supports(mesh.fixed, turning, uses, every, there, half[chosen], count)
     fixed[: kept.size] = mesh.fixed[kept]
-    equations = [] if mesh.equations is None else [mesh.equations @ _shares(row, every, there, count)]
-    equations += [matrix_of(pins, 3 * count)] if pins else []
+    equations = mesh.equations @ _shares(row, every, there, count), matrix_of(pins, 3 * count)
     result = replace(
         mesh,
         points=np.concatenate([mesh.points[kept], place]),
@@ -267,8 +266,8 @@ def with_beams(
         references=_references(mesh, uses),
         **hung(mesh, moved),
         links=merged(links, np.arange(count) >= kept.size),
-        equations=sp.csr_array(sp.vstack(equations)) if equations else None,
-        supports=matrix_of(rows, 3 * count) if rows else None,
+        equations=sp.csr_array(sp.vstack(equations)),
+        supports=matrix_of(rows, 3 * count),
         notes=(*mesh.notes, *_words(uses, every, blocks, beams)),
     )
     return result, np.concatenate([turning[kept], np.zeros((count - kept.size, 3), dtype=bool)])

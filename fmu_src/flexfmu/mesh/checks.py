@@ -133,12 +133,13 @@ def connected_parts(mesh: Mesh) -> IntArray:
     (n,) int
         Counted from zero without gaps. A node that no element uses is a part of its own.
     """
-    uses, count = nodes_of_elements(mesh), len(mesh.points)
-    joined = sparse.csr_array((count, count)) if mesh.equations is None else coupled_nodes(mesh.equations)
-    graph = sparse.block_array([[joined, None], [uses, sparse.csr_array((len(uses.indptr) - 1,) * 2)]])
+    uses = nodes_of_elements(mesh)
+    graph = sparse.block_array(
+        [[coupled_nodes(mesh.equations), None], [uses, sparse.csr_array((len(uses.indptr) - 1,) * 2)]]
+    )
     # Nodes and elements are the graph's vertices: far fewer edges than between the nodes themselves.
     _, parts = sparse.csgraph.connected_components(graph, directed=False)
-    _, numbered = np.unique(parts[:count], return_inverse=True)
+    _, numbered = np.unique(parts[: len(mesh.points)], return_inverse=True)
     return numbered.astype(np.int64)
 
 
@@ -183,10 +184,9 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
     # Nodes of beams that are points beside the corners there.
     used |= np.isin(mesh.labels, mesh.labels[used])
     # And of those in equations the ones on which something hangs, or that are rigid with others.
-    if mesh.equations is not None:
-        hanging = [*(end for one in mesh.springs for end in one.ends), *(one.nodes for one in mesh.masses)]
-        hanging += [one.nodes for one in mesh.links]
-        used[np.intersect1d(mesh.equations.indices // 3, np.concatenate([mesh.equations.indices[:0], *hanging]))] = True
+    hanging = [*(end for one in mesh.springs for end in one.ends), *(one.nodes for one in mesh.masses)]
+    hanging += [one.nodes for one in mesh.links]
+    used[np.intersect1d(mesh.equations.indices // 3, np.concatenate([mesh.equations.indices[:0], *hanging]))] = True
     if used.all():
         return mesh
     rows = np.cumsum(used) - 1
@@ -199,11 +199,8 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
     node_sets = {name: rows[members[used[members]]] for name, members in mesh.node_sets.items()}
     if emptied := [name for name, left in node_sets.items() if len(mesh.node_sets[name]) and not len(left)]:
         notes.append(f"node sets that hold none but such nodes are empty now: {listed(emptied)}")
-    equations = mesh.equations
-    if equations is not None:
-        # What the file holds of such a node is zero, the rest of it is eliminated.
-        kept = equations @ sparse.diags_array((~(mesh.fixed & ~used[:, None])).ravel().astype(float))
-        equations = sparse.csr_array(without(kept, np.repeat(~used, 3))[:, np.repeat(used, 3)])
+    # What the file holds of such a node is zero, the rest of it is eliminated.
+    kept = mesh.equations @ sparse.diags_array((~(mesh.fixed & ~used[:, None])).ravel().astype(float))
     return replace(
         mesh,
         points=mesh.points[used],
@@ -212,7 +209,7 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
         node_sets=node_sets,
         fixed=mesh.fixed[used],
         notes=(*mesh.notes, *notes),
-        equations=equations,
+        equations=sparse.csr_array(without(kept, np.repeat(~used, 3))[:, np.repeat(used, 3)]),
         **hung(mesh, lambda nodes: rows[nodes[used[nodes]]]),
         # A reference point that several have makes one of them.
         links=tuple(

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cached_property, wraps
+from functools import cached_property, partial, wraps
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
@@ -16,6 +16,7 @@ from flexfmu.mesh.equations import RigidLink, Simplices
 from flexfmu.mesh.shapes import BRICK
 
 F = TypeVar("F", bound=Callable[..., Any])
+_no_equations = partial(sp.csr_array, (0, 0))
 NO_MATERIAL = -1
 SECTION_SHARES = 0.5 * np.array([[1.0, x, y, x * y] for x, y in BRICK.corners[:4, :2].tolist()])
 """Displacements of the corners of a beam's section by their mean, both slopes and twist."""
@@ -265,16 +266,16 @@ class Mesh:
         What the reader left unused, for the log.
     references : mapping of str to (3,) float, optional
         Reference points that the file gives to node sets, m.
-    equations : (r, 3n) sparse, optional
-        Linear equations between displacements, E u = 0; column 3 i + j is node i in direction j.
+    equations : (r, 3n) sparse
+        Linear equations between displacements, E u = 0; column 3 i + j is node i in direction j. None by default.
     masses : tuple of PointMass
     links : tuple of RigidLink
         Nodes that the file makes rigid.
     simplices : tuple of Simplices
         What keeps rigid nodes in shape; from `links.with_links`.
     springs : tuple of SpringDamper
-    supports : (r, 3n) sparse, optional
-        Equations by which the file itself holds rotations, as `equations`; of the model where `fixed` counts.
+    supports : (r, 3n) sparse
+        The same by which the file itself holds rotations; of the model where `fixed` counts.
     """
 
     points: FloatArray
@@ -286,12 +287,18 @@ class Mesh:
     fixed: BoolArray
     notes: tuple[str, ...] = ()
     references: Mapping[str, FloatArray] = field(default_factory=dict)
-    equations: sp.csr_array | None = None
+    equations: sp.csr_array = field(default_factory=_no_equations)
     masses: tuple[PointMass, ...] = ()
     links: tuple[RigidLink, ...] = ()
     simplices: tuple[Simplices, ...] = ()
-    supports: sp.csr_array | None = None
+    supports: sp.csr_array = field(default_factory=_no_equations)
     springs: tuple[SpringDamper, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Let no equations be as wide as others."""
+        for name in ("equations", "supports"):
+            if not getattr(self, name).shape[0]:
+                object.__setattr__(self, name, sp.csr_array((0, self.points.size)))
 
     def __repr__(self) -> str:
         """Size, kinds of elements, sets."""

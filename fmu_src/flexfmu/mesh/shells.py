@@ -159,10 +159,9 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray, ties: Sequence[
     fixed, held = _supports(mesh, turning, lines, row, len(origin))
     points = np.concatenate([mesh.points[kept], ends.reshape(-1, 3)])
     rows = _joined(lines, row) + _tied(ties, points, lines, row)
-    total, given = len(origin), (mesh.equations, mesh.supports)
-    parts, own = ([] if part is None else [_on_lines(part, row, lines, total)] for part in given)
-    own += [matrix_of(held, 3 * total)] if held else []
-    parts += [matrix_of(rows, 3 * total)] if rows else []
+    total, given = len(origin), ((mesh.equations, rows), (mesh.supports, held))
+    both = ([_on_lines(part, row, lines, total), matrix_of(own, 3 * total)] for part, own in given)
+    equations, supports = (sp.csr_array(sp.vstack(parts)) for parts in both)
     return replace(
         mesh,
         points=points,
@@ -172,8 +171,8 @@ def expanded(mesh: Mesh, height: FloatArray, turning: BoolArray, ties: Sequence[
         fixed=fixed,
         **hung(mesh, moved),
         links=(*(RigidLink(one.name, moved(one.nodes)) for one in mesh.links), *knots),
-        equations=sp.csr_array(sp.vstack(parts)) if parts else None,
-        supports=sp.csr_array(sp.vstack(own)) if own else None,
+        equations=equations,
+        supports=supports,
         notes=(*_bent(mesh, height), *_notes(blocks, len(lines.node), len(knots), int((solid & shell).sum()))),
     )
 
@@ -201,9 +200,7 @@ def _with_centres(mesh: Mesh, turning: BoolArray) -> tuple[Mesh, BoolArray]:
     def held(nodes: IntArray) -> IntArray:
         return np.concatenate([nodes, count + np.flatnonzero(np.isin(every, nodes).all(axis=1))])
 
-    def wider(rows: sp.csr_array | None) -> sp.csr_array | None:
-        if rows is None:
-            return None
+    def wider(rows: sp.csr_array) -> sp.csr_array:
         return sp.csr_array((rows.data, rows.indices, rows.indptr), (rows.shape[0], 3 * total))
 
     total = count + len(every)
@@ -211,8 +208,7 @@ def _with_centres(mesh: Mesh, turning: BoolArray) -> tuple[Mesh, BoolArray]:
     solid = [b.connectivity.ravel() for b in mesh.blocks if not b.type.natural]
     skin = np.flatnonzero(np.isin(every, np.concatenate([every[:0, 0], *solid])).all(axis=1))
     skin = skin[~mesh.fixed[every[skin]].all(axis=(1, 2))]
-    tied = [matrix_of(middles(every[skin], count + skin), 3 * total)] if skin.size else []
-    tied += [] if mesh.equations is None else [wider(mesh.equations)]
+    tied = matrix_of(middles(every[skin], count + skin), 3 * total)
     result = replace(
         mesh,
         points=np.concatenate([mesh.points, points]),
@@ -223,7 +219,7 @@ def _with_centres(mesh: Mesh, turning: BoolArray) -> tuple[Mesh, BoolArray]:
         ),
         node_sets={name: held(nodes) for name, nodes in mesh.node_sets.items()},
         fixed=np.concatenate([mesh.fixed, mesh.fixed[every].all(axis=1)]),
-        equations=sp.csr_array(sp.vstack(tied)) if tied else None,
+        equations=sp.csr_array(sp.vstack([tied, wider(mesh.equations)])),
         supports=wider(mesh.supports),
     )
     return result, np.concatenate([turning, turning[every].all(axis=1)])

@@ -73,8 +73,7 @@ class Matrices:
         model, mesh = self.model, self.model.mesh
         blocks = [part for b in mesh.blocks for part in (b.type.name, b.connectivity, b.material, b.axes, b.section)]
         materials = [(*m.elasticity.ravel().tolist(), m.density, m.by_normal, m.layers) for m in mesh.materials]
-        found = mesh.equations
-        tied = () if found is None else (found.data, found.indices, found.indptr)
+        tied = mesh.equations.data, mesh.equations.indices, mesh.equations.indptr
         stiff = [part for one in mesh.simplices for part in (one.nodes, one.stiffness)]
         hung = [part for one in mesh.masses for part in (one.mass, one.inertia, one.point, one.nodes)]
         supports = model.fixed, model.spring, model.rigid.shape, *model.bushings.key

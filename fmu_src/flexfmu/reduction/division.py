@@ -91,12 +91,11 @@ def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
         pairs = np.unique(np.sort(block.connectivity[:, ends].reshape(-1, 2), axis=1), axis=0)
         length = np.linalg.norm(mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]], axis=1)
         graph = graph.maximum(sp.csr_array(sp.coo_array((length, pairs.T), shape=(size, size))))
-    if mesh.equations is not None:
-        # Over a gap it is as far as the gap is wide.
-        joined = coupled_nodes(mesh.equations).tocoo()
-        gap = np.linalg.norm(mesh.points[joined.row] - mesh.points[joined.col], axis=1)
-        gap = np.maximum(gap, _TOUCHING * np.ptp(mesh.points))
-        graph = graph.maximum(sp.csr_array(sp.coo_array((gap, (joined.row, joined.col)), graph.shape)))
+    # Over a gap it is as far as the gap is wide.
+    joined = coupled_nodes(mesh.equations).tocoo()
+    gap = np.linalg.norm(mesh.points[joined.row] - mesh.points[joined.col], axis=1)
+    gap = np.maximum(gap, _TOUCHING * np.ptp(mesh.points))
+    graph = graph.maximum(sp.csr_array(sp.coo_array((gap, (joined.row, joined.col)), graph.shape)))
     distance = dijkstra(graph, directed=False, indices=sources, min_only=True)
     return distance if distance.any() else np.ones(size)
 
@@ -227,7 +226,7 @@ def _corner_areas(at: FloatArray) -> FloatArray:
 def linked(mesh: Mesh) -> sp.csr_array:
     """Elements that share a face, or whose outer faces equations join, (e, e) with the area in common."""
     link = neighbours(mesh.points, mesh.faces, mesh.element_count)
-    if mesh.equations is None:
+    if not mesh.equations.shape[0]:
         return link
     joined = coupled_nodes(mesh.equations)
     inside = np.diff(joined.indptr) > 0
@@ -323,7 +322,7 @@ def _tree(mesh: Mesh, supported: IntArray, piece: IntArray, middle: FloatArray, 
     for p in order:
         up = parent[p]
         beyond = supported if up == GROUND else bodies[up].nodes
-        if up != GROUND and mesh.equations is not None:
+        if up != GROUND:
             beyond = np.union1d(beyond, np.unique(coupled_nodes(mesh.equations)[beyond].indices))
         joint = section(mesh, np.intersect1d(bodies[p].nodes, beyond))
         index = GROUND if up == GROUND else position[up]

@@ -226,12 +226,11 @@ class Model:
             if np.any(chosen):
                 # Corners of beams at a node that is held bear its number.
                 return np.flatnonzero(np.isin(self.mesh.labels, self.mesh.labels[chosen]))
-        equations = self.mesh.equations
-        if held.any() or equations is None:
+        if held.any():
             return np.flatnonzero(held.any(axis=1))
         # Hinges of shells are equations: those that translations do not fulfil.
-        moved = np.abs(equations @ np.tile(np.eye(3), (len(held), 1))).max(axis=1)
-        return np.unique(equations[np.flatnonzero(moved > _FREE)].indices // 3)
+        moved = np.abs(self.mesh.equations @ np.tile(np.eye(3), (len(held), 1))).max(axis=1)
+        return np.unique(self.mesh.equations[np.flatnonzero(moved > _FREE)].indices // 3)
 
     @property
     def held(self) -> IntArray:
@@ -263,8 +262,8 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
     mesh, notes = completed(mesh, config)
     mesh = replace(mesh, notes=(*mesh.notes, *notes))
     mesh = with_rigid_nodes(mesh, config)
-    rows = [part for part in (mesh.equations, mesh.supports if config.boundary else None) if part is not None]
-    mesh = replace(mesh, equations=sp.csr_array(sp.vstack(rows)) if rows else None, supports=None)
+    if config.boundary:
+        mesh = replace(mesh, equations=sp.csr_array(sp.vstack([mesh.equations, mesh.supports])))
     mesh = without_mechanisms(mesh)
     fixed = mesh.fixed.copy()
     if not config.boundary:
@@ -362,7 +361,7 @@ def _rigidly_joined(mesh: Mesh, piece: IntArray) -> IntArray:
 def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, held: BoolArray) -> FloatArray:
     """Rigid motions (3k, r) of nodes (k,) that equations join; refused where pieces can move against each other."""
     count = len(mesh.points)
-    piece = _rigidly_joined(mesh, connected_parts(replace(mesh, equations=None)))[nodes]
+    piece = _rigidly_joined(mesh, connected_parts(replace(mesh, equations=sp.csr_array((0, 0)))))[nodes]
     piece = np.unique(piece, return_inverse=True)[1]
     whole = free_motions(mesh.points[nodes], np.zeros((nodes.size, 3), dtype=bool))
     # A column for each motion of each piece, in the same units all over.
@@ -420,7 +419,7 @@ def _free_motions(mesh: Mesh, held: BoolArray, config: BodyOptions) -> FloatArra
     found = np.zeros((3 * len(mesh.points), 0))
     for number in range(parts):
         nodes = np.flatnonzero(part == number)
-        if mesh.equations is None:
+        if not mesh.equations.shape[0]:
             own = soft[:, (3 * nodes[:, None] + np.arange(3)).ravel()]
             motions = free_motions(mesh.points[nodes], held[nodes], own)
         else:

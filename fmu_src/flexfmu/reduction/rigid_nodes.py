@@ -18,15 +18,9 @@ _STIFFER = 200.0
 
 def with_rigid_nodes(mesh: Mesh, config: BodyOptions) -> Mesh:
     """Make rigid what the mesh file says is rigid, unless the body file says otherwise, and what that adds."""
-    links = list(mesh.links)
-    if mesh.equations is not None:
-        found, rest = recognised(mesh.points, mesh.equations)
-        links += found
-        mesh = replace(
-            mesh,
-            equations=rest if rest.shape[0] else None,
-            notes=(*mesh.notes, *(f"{one.name} make a rigid body: it is rigid in large turns, too" for one in found)),
-        )
+    found, rest = recognised(mesh.points, mesh.equations)
+    links, words = [*mesh.links, *found], "make a rigid body: it is rigid in large turns, too"
+    mesh = replace(mesh, equations=rest, notes=(*mesh.notes, *(f"{one.name} {words}" for one in found)))
     for interface in config.interfaces:
         nodes = node_set(mesh, interface.nodes, f"interface {interface.name!r}, nodes")
         apart = [one for one in links if not np.isin(nodes, one.nodes).all()]
@@ -63,16 +57,15 @@ def _with_links(mesh: Mesh, links: Sequence[RigidLink]) -> Mesh:
         for place, one in enumerate(masses):
             if one.nodes.size > masters.size and np.isin(one.nodes, link.nodes).all():
                 masses[place] = replace(one, nodes=np.sort(masters))
-    parts = [*([] if mesh.equations is None else [mesh.equations]), matrix_of(rows, 3 * len(mesh.points))]
+    equations = sp.csr_array(sp.vstack([mesh.equations, matrix_of(rows, 3 * len(mesh.points))]))
     by_count = [zip(*found[count], strict=True) for count in sorted(found)]
     simplices = tuple(Simplices(*map(np.array, columns)) for columns in by_count)
-    equations = sp.csr_array(sp.vstack(parts)) if rows or mesh.equations is not None else None
     return replace(mesh, equations=equations, simplices=simplices, masses=tuple(masses), links=tuple(links))
 
 
 def stretch_free(mesh: Mesh) -> list[str]:
     """Say how many equations let their nodes turn and not stretch, which is false in large turns."""
-    count = 0 if mesh.equations is None else int(effects(mesh.points, mesh.equations)[1].sum())
+    count = int(effects(mesh.points, mesh.equations)[1].sum())
     found = f"{count} equations of the mesh file keep distances by linear terms, which is wrong in large turns"
     words = f"{found}, by 16 to 54 % at bores: say *RIGID BODY or *KINEMATIC instead, or rigid = true of an interface"
     return [words] if count else []

@@ -142,7 +142,7 @@ def _closes_a_loop(scene: Scene) -> bool:
     if config.cut is not None or config.frame or config.branch or config.free:
         return False
     read = read_body_model(config, Reporter())
-    return read.model.mesh.equations is None and bool(cut_loops(read.options, read.model)[0].cuts)
+    return not read.model.mesh.equations.shape[0] and bool(cut_loops(read.options, read.model)[0].cuts)
 
 
 def frames_needed(workshop: Workshop) -> Tried:

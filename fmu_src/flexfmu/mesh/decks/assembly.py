@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from flexfmu.files.basics import FloatArray
-from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
+from flexfmu.mesh.decks.cards import Card, Scope, fields, number
 from flexfmu.model.rotations import turned_by
 
 # Keywords of the structure itself.
@@ -146,7 +146,8 @@ def _highest(cards: Sequence[Card]) -> int:
 
 def _placement(card: Card) -> tuple[FloatArray, FloatArray] | tuple[None, None]:
     """Rotation (3, 3) and shift (3,) of an instance: moved first, then turned about an axis of the assembly."""
-    rows = [_numbers(line) for line in card.data if any(fields(line))]
+    each = "each number of an instance's placement"
+    rows = [[number(text, line, each, 0.0) for text in fields(line)] for line in card.data if any(fields(line))]
     if not rows:
         return None, None
     if len(rows) > 2 or len(rows[0]) > 3 or (len(rows) == 2 and len(rows[1]) != 7):
@@ -163,7 +164,3 @@ def _placement(card: Card) -> tuple[FloatArray, FloatArray] | tuple[None, None]:
         raise card.line.error("the axis about which this *INSTANCE is turned has two equal points; give two different")
     turn = turned_by(angle * axis / length)
     return turn, turn @ (shift - start) + start
-
-
-def _numbers(line: Line) -> list[float]:
-    return [number(text, line, "each number of an instance's placement", 0.0) for text in fields(line)]

@@ -192,10 +192,9 @@ def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
     closed = tuple(replace(b, beyond=np.where(chosen, -1, b.beyond)) for b, chosen in zip(faces, across, strict=True))
     touching = np.flatnonzero(np.concatenate([np.any(member[b.connectivity], axis=1) for b in mesh.blocks]))
     link = sp.csr_array(neighbours(mesh.points, closed, mesh.element_count))[touching][:, touching]
-    if mesh.equations is not None:
-        # Sheets of shells that meet beside the section.
-        uses = nodes_of_elements(mesh)[touching] @ sp.diags_array((~member).astype(float))
-        link = link + uses @ coupled_nodes(mesh.equations) @ uses.T
+    # Sheets of shells that meet beside the section.
+    uses = nodes_of_elements(mesh)[touching] @ sp.diags_array((~member).astype(float))
+    link = link + uses @ coupled_nodes(mesh.equations) @ uses.T
     count, side = connected_components(link, directed=False)
     if count != 2:
         fault = f"{key}: the elements at this section make up {count} connected piece{'s'[: count > 1]}, expected two"
@@ -219,13 +218,10 @@ def _opened(mesh: Mesh, cut: str) -> tuple[Mesh, IntArray]:
 
 def _tied(opened: Mesh, member: BoolArray, copy: IntArray, key: str) -> Mesh:
     """The opened mesh with equations and rigid links among the nodes of the section on both of its sides."""
-    equations, count = opened.equations, 3 * len(copy)
-    if equations is None:
-        return opened
+    equations, count = opened.equations.copy(), 3 * len(copy)
     size = abs(equations[:, :count]) @ np.stack([member, ~member]).repeat(3, axis=1).T > 0.0
     if size.all(axis=1).any():
         raise BodyFileError(f"{key}: equations or rigid links join nodes of the section with others; cut elsewhere")
-    equations = equations.copy()
     equations.resize(equations.shape[0], 3 * len(opened.points))
     again = equations[np.flatnonzero(size[:, 0])]
     again.indices = (3 * copy[again.indices // 3] + again.indices % 3).astype(again.indices.dtype)
@@ -278,10 +274,8 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
         links=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.links if place[one.nodes[0]] >= 0),
         simplices=renumbered(mesh.simplices, place),
     )
-    if mesh.equations is not None:
-        own = mesh.equations[:, (3 * nodes[:, None] + np.arange(3)).ravel()]
-        rows = np.flatnonzero(np.diff(own.indptr))
-        part = replace(part, equations=sp.csr_array(own[rows]) if rows.size else None)
+    own = mesh.equations[:, (3 * nodes[:, None] + np.arange(3)).ravel()]
+    part = replace(part, equations=sp.csr_array(own[np.flatnonzero(np.diff(own.indptr))]))
     return part, np.flatnonzero(inside)
 
 

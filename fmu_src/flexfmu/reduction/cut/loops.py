@@ -140,13 +140,11 @@ def element_contacts(mesh: Mesh) -> Contacts:
         rows.append(np.repeat(first + np.arange(len(members)), members.shape[1]))
         columns.append(members.ravel())
         first += len(members)
-    coupled = sp.csr_array(sp.eye_array(len(mesh.points)))
-    if mesh.equations is not None:
-        uses, others = nodes_of_elements(mesh), coupled_nodes(mesh.equations)
-        coupled = coupled + others
-        beside = sp.triu(uses @ others @ uses.T, 1).tocoo()
-        elements.append(np.stack(beside.coords, axis=1))
-        areas.append(np.zeros((beside.nnz, 3)))
+    uses, others = nodes_of_elements(mesh), coupled_nodes(mesh.equations)
+    coupled = sp.csr_array(sp.eye_array(len(mesh.points))) + others
+    beside = sp.triu(uses @ others @ uses.T, 1).tocoo()
+    elements.append(np.stack(beside.coords, axis=1))
+    areas.append(np.zeros((beside.nnz, 3)))
     r, c, pairs = (np.concatenate(parts) for parts in (rows, columns, elements))
     incidence = sp.csr_array(sp.coo_array((np.ones(r.size), (r, c)), shape=(len(pairs), len(mesh.points))))
     return Contacts(pairs, np.concatenate(areas), incidence, coupled)
