@@ -78,7 +78,7 @@ def with_membrane(body: ReducedBody, size: float = 1.0) -> ReducedBody:
     linear = 30.0 * rng.standard_normal((5, modes)) * elastic
     linear[:3] = 0.0
     sign = np.array([1.0, 1.0, -1.0, 1.0, 1.0])
-    return replace(body, membrane=Membrane(quadratic + quadratic.swapaxes(1, 2), linear, sign, sign))
+    return replace(body, membrane=Membrane.of(np.eye(modes), quadratic + quadratic.swapaxes(1, 2), linear, sign, sign))
 
 
 def with_polynomial(body: ReducedBody, size: float = 0.02) -> ReducedBody:

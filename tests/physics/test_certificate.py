@@ -19,6 +19,7 @@ from flexfmu.files.basics import OptionError
 from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.runtime import Runtime
 from flexfmu.mesh.elements import ElementType
+from flexfmu.model.arrays import SECOND_BITS, short
 from flexfmu.model.inertia import Membrane
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
 from flexfmu.program import tree
@@ -485,7 +486,8 @@ def test_a_shadow_that_does_not_bear_reference_loads_counts_only_where_the_own_o
             place = np.argmax(np.abs(omega * state.q))
             forms[mode, place, place] = (1.0, 4.0)[mode] * omega[place] / abs(state.q[place])
         other = replace(
-            reduced.shadow.body, membrane=Membrane(forms, np.zeros(forms.shape[:2]), *2 * [np.array(signs)])
+            reduced.shadow.body,
+            membrane=Membrane.of(np.eye(forms.shape[1]), forms, np.zeros(forms.shape[:2]), *2 * [np.array(signs)]),
         )
         taken.append(differs_more(reduced, replace(reduced.shadow, body=other)))
     assert taken == [True, False]
@@ -678,11 +680,24 @@ def test_squares_of_few_coordinates_go_by_these_alone_and_tell_the_same(monkeypa
     extent, rows, numbers, found = told()
     assert extent <= 0.25 * count
     assert 0 < rows < len(built.reduced.shadow.body.membrane.sign)
-    monkeypatch.setattr(tree, "_FEW", 0.0)
+    monkeypatch.setattr(tree, "_WORTH", 0.0)
     extent, rows, more, again = told()
     assert (extent, rows) == (count, 0)
     assert numbers < 0.7 * more
     np.testing.assert_allclose([found.relative, found.bound], [again.relative, again.bound], rtol=1e-5)
+
+
+def test_what_a_body_and_its_shadow_hold_of_second_order_packs_well():
+    """Numbers have no more bits than count, and stretches are kept in the few coordinates that their groups know."""
+    body = strip().build(modes=8).reduced
+    for one, bits in ((body, SECOND_BITS[False]), (body.shadow.body, SECOND_BITS[True])):
+        for array in (one.second.displacement, one.second.rotation):
+            np.testing.assert_array_equal(array, short(array, one.angular_frequency, bits))
+    np.testing.assert_array_equal(
+        body.surface.form, short(body.surface.form, body.angular_frequency, SECOND_BITS[True])
+    )
+    stretches = body.shadow.body.membrane
+    assert stretches.form.size < 0.3 * stretches.quadratic.size
 
 
 @pytest.mark.slow

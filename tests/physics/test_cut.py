@@ -443,16 +443,16 @@ def test_a_step_of_a_body_that_stretches_leads_back_in_time(cut, random, of_part
     arrays = compile_draft(cut, Method.SECOND_ORDER).arrays
     ends = np.cumsum(arrays["extent"])[:1] if of_parts else [0]
     bases = np.split(arrays["basis"].reshape(-1, cut.mode_count), ends) if of_parts else [np.eye(cut.mode_count)]
-    roots = [random.normal(size=(9, *2 * basis.shape[:1])) for basis in bases]
-    forms = np.concatenate([b.T @ (root + np.swapaxes(root, 1, 2)) @ b for root, b in zip(roots, bases, strict=True)])
-    load = {"corner": [100.0, 200.0, 1000.0]}
+    groups = []
+    for basis in bases:
+        root, linear, signs = random.normal(size=(9, *2 * basis.shape[:1])), np.zeros((9, cut.mode_count)), np.ones(9)
+        signs[::3] = -0.2
+        groups.append(Membrane.of(basis, root + np.swapaxes(root, 1, 2), linear, signs, signs))
+    load, forms = {"corner": [100.0, 200.0, 1000.0]}, Membrane.joined(groups)
     start = FlexibleBody(cut).static(load)
     # As much energy as the linear one has.
-    held = np.sum((cut.angular_frequency * start.q) ** 2) / np.sum((forms @ start.q @ start.q) ** 2)
-    signs = np.where(np.arange(len(forms)) % 3, 1.0, -0.2)
-    stretched = replace(
-        cut, membrane=Membrane(np.sqrt(0.5 * held) * forms, np.zeros((len(forms), cut.mode_count)), signs, signs)
-    )
+    held = np.sum((cut.angular_frequency * start.q) ** 2) / np.sum((forms.quadratic @ start.q @ start.q) ** 2)
+    stretched = replace(cut, membrane=replace(forms, form=np.sqrt(0.5 * held) * forms.form))
     model = FlexibleBody(stretched, damping_scale=0.0, limits=StepLimits(tolerance=10.0))
     assert (compile_draft(stretched, Method.SECOND_ORDER).arrays["stretch_rows"].sum() > 0) == of_parts
     state = model.step(replace(model.rest(), q=0.5 * start.q), load, 1e-4)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from bodies import random_body, with_second_order
 from flexfmu.body.flexible_body import FlexibleBody, StepLimits
 from flexfmu.build.reduce import read_body_model, reduce_body
 from flexfmu.build.tables import OutputTable
@@ -20,6 +21,7 @@ from flexfmu.files.store import Store
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.inertia import Membrane
 from flexfmu.model.methods import Mass, Method
+from flexfmu.program.compile import compile_draft
 from flexfmu.reduction import membrane
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.fourth_order import slices
@@ -100,7 +102,9 @@ def test_shapes_by_which_a_body_evades_its_stretch_stay_coordinates(reduced, fol
     assert 0 < shapes.sum() < body.mode_count
     assert error(body, case, {"crown": way}) < limit
     held = body.membrane
-    without = Membrane(held.quadratic[~shapes], held.linear[~shapes], held.sign[~shapes], held.stiff[~shapes])
+    without = Membrane.of(
+        np.eye(body.mode_count), *(a[~shapes] for a in (held.quadratic, held.linear, held.sign, held.stiff))
+    )
     assert error(replace(body, membrane=without), case, {"crown": way}) > 0.15
 
 
@@ -359,3 +363,21 @@ def test_elements_that_lie_on_each_other_are_sliced_with_their_neighbours():
     found = slices(replace(mesh, blocks=[block, double]), root)
     assert len(found) == len(slices(mesh, root)) == 16
     assert max(np.ptp(mesh.points[one, 0]) for one in found) < 0.026
+
+
+def test_groups_of_stretches_have_the_energy_of_their_forms(random):
+    """Coordinates of a group need not be orthonormal, nor independent."""
+    body, modes, groups = with_second_order(random_body(modes=9), 1e-3), 9, []
+    for count, rank in ((4, 3), (2, 4), (3, 9)):
+        forms, sign = random.normal(size=(count, rank, rank)), np.where(np.arange(count) % 2, -1.0, 1.0)
+        basis = random.normal(size=(rank, modes))
+        basis[-1] = basis[0]
+        groups.append(Membrane.of(basis, forms + forms.swapaxes(1, 2), np.zeros((count, modes)), sign, sign))
+    kept = Membrane.joined(groups)
+    whole, plain = (FlexibleBody(replace(body, membrane=one), SECOND) for one in (kept, None))
+    assert compile_draft(whole.model, Method.SECOND_ORDER).arrays["stretch_rows"].tolist() == [0, 4, 2]
+    for _ in range(3):
+        state = replace(whole.rest(), q=random.normal(size=modes))
+        expected = kept.sign @ (kept.quadratic @ state.q @ state.q) ** 2
+        held = whole.energies(state)[0] - plain.energies(state)[0]
+        assert held == pytest.approx(expected, rel=1e-9)

@@ -237,7 +237,10 @@ def test_places_of_third_order_are_those_that_the_tree_makes(kept, tmp_path):
     if kept:
         linear = np.eye(1, reduced.mode_count) * reduced.angular_frequency / np.sqrt(2.0)
         random = 1e3 * np.random.default_rng(1).standard_normal((1, reduced.mode_count, reduced.mode_count))
-        reduced = replace(reduced, membrane=Membrane(random + random.swapaxes(1, 2), linear, np.ones(1), np.ones(1)))
+        reduced = replace(
+            reduced,
+            membrane=Membrane.of(np.eye(linear.size), random + random.swapaxes(1, 2), linear, np.ones(1), np.ones(1)),
+        )
     core = FlexibleBody(reduced, "second_order").core
     # Out of the plane, too.
     q = 1e-2 / np.arange(1.0, reduced.mode_count + 1)

@@ -13,7 +13,7 @@ import pytest
 
 from bodies import LINEAR, beam_body, random_body, unsealed, with_second_order
 from flexfmu.files.basics import ModalFileError
-from flexfmu.model.arrays import ARRAYS
+from flexfmu.model.arrays import ARRAYS, SECOND_BITS, is_single, short
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import SCHEMA_VERSION, read_modal_file, write_modal_file
 from flexfmu.model.reduced_body import GROUND, GROUPS, ReducedBody, SecondOrder, StressSet, Surface
@@ -331,7 +331,7 @@ def with_parts():
         "Q": 5,
         "B": 2,
     }
-    sizes |= {"w": 3, "v": 2, "n": 5, "g": 2, "f": 2, "r": 4, "R": 3, "d": 6}
+    sizes |= {"w": 3, "v": 2, "n": 5, "g": 2, "f": 2, "r": 4, "R": 3, "d": 6, "b": 6, "G": 3, "N": 8}
 
     def made(entry):
         shape = [int(token) if token.isdigit() else sizes[token] for token in entry.shape.split()]
@@ -339,7 +339,11 @@ def with_parts():
             return tuple(f"name_{k}" for k in range(shape[0]))
         return rng.integers(0, s, shape) if entry.kind is int else np.abs(rng.standard_normal(shape))
 
-    parts = {part: kind(**{e.name: made(e) for e in ARRAYS[part]}) for part, kind in GROUPS.items()}
+    # Two groups, and one of no stretches.
+    given = {"membrane": {"extent": np.array([1, 2, 3]), "rows": np.array([2, 0, 1])}}
+    parts = {
+        part: kind(**{e.name: made(e) for e in ARRAYS[part]} | given.get(part, {})) for part, kind in GROUPS.items()
+    }
     optional = {entry.name: made(entry) for entry in ARRAYS["body"] if entry.optional}
     stresses = tuple(StressSet(name, *(made(entry) for entry in ARRAYS["stress"])) for name in ("a", "b"))
     return replace(body, stress_sets=stresses, method=Method.FRAMES, mass=Mass.CONFIGURATION, **parts, **optional)
@@ -431,3 +435,22 @@ def test_numbers_that_overflow_in_a_method_are_refused_when_its_program_is_made(
     body = replace(body, joint_displacement=displacement)
     with np.errstate(all="ignore"), pytest.raises(ModalFileError, match="beyond the arithmetic in method"):
         compile_program(body, Method.SECOND_ORDER)
+
+
+def test_numbers_of_second_order_pack_well_and_are_off_by_their_last_bit_at_most():
+    """What stiff modes have counts by their motions of unit energy; round-off of what is none goes."""
+    rng, omega = np.random.default_rng(5), np.array([0.0, 0.0, 1e3, 3e3, 2e4, 9e5, 4e6])
+    unit = np.maximum(omega, 1e3)
+    exact = rng.standard_normal((4, 3, 7, 7)) * np.outer(unit, unit) / np.outer(unit, unit)[2, 2]
+    exact[0], exact[1, :, 4:] = 0.0, 1e-14 * exact[1, :, 4:]
+    exact = exact + exact.swapaxes(-1, -2)
+    for bits in SECOND_BITS:
+        found = short(exact, omega, bits)
+        by_energy, off = (np.abs(one) / np.outer(unit, unit) for one in (exact, found - exact))
+        # Scales are powers of two.
+        assert np.all(off <= 4.0 * 2.0**-bits * by_energy.max(axis=(-2, -1), keepdims=True))
+        assert off.max() > 0.0
+        np.testing.assert_array_equal(found, found.swapaxes(-1, -2))
+        assert not np.any(found[1, :, 4:, 4:])
+        np.testing.assert_array_equal(found[0], 0.0)
+    assert is_single(short(exact, omega, SECOND_BITS[True]))

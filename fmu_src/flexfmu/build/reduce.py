@@ -24,7 +24,7 @@ from ..model.methods import Data, Mass, Variant
 from ..model.modal_file import write_modal_file
 from ..model.reduced_body import Properties, ReducedBody, Surface
 from ..model.summary import NORMAL_MODES, first_frequency, missed_words, summary
-from ..model.variants import chosen
+from ..model.variants import chosen, shortened
 from ..program.mass_polynomial import mass_polynomial
 from ..reduction.bodies import used_body
 from ..reduction.cut.parts import AGAINST_OPENED, Joined, Opened, chosen_cuts, reduced_parts, reduced_whole
@@ -198,7 +198,7 @@ def reduce_mesh(
     whole = _with_mass(use, options, model, draft, store, asked)()
     body, third = _cut_if_wrong(whole, use, others, draft, report, store)
     shadow = replace(body.shadow, body=third()) if body.shadow is not None and prepared.options.certificate else None
-    body = replace(body, shadow=shadow)
+    body = shortened(replace(body, shadow=shadow))
     _tell(config, body, report)
     return body
 

@@ -27,7 +27,7 @@ from .runtime import Runtime
 _SLAVE_LIBRARY = ("fmi2slave", "_version", "default_experiment", "enums", "logmsg", "variables")
 # The earliest date that the format knows: archives of the same contents are the same.
 # Level at which files beyond so many bytes are packed: in half the time, into a hundredth more.
-_DATE, _LEVEL, _LARGE = (1980, 1, 1, 0, 0, 0), 3, 2_000_000
+_DATE, _LEVEL, _LARGE = (1980, 1, 1, 0, 0, 0), 5, 2_000_000
 
 
 def package_fmu(

@@ -9,12 +9,13 @@ r and e_j being places and remainders (5) less their means over the lump, and E 
 exact. What is left out is that lumps turn and bend in themselves: an error that falls with the square of their size.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from ..files.basics import FloatArray, IntArray
-from .arrays import ARRAYS, settle
+from .arrays import ARRAYS, settle, triangles, whole
 
 # Part of a shape's energy below which other coordinates do not hold it.
 _GONE = 1e-9
@@ -24,10 +25,16 @@ _GONE = 1e-9
 class Membrane:
     """Stretches σ_r = l_r·q + qᵀS_r q; the strain energy is ½ qᵀΛq + Σ s_r (σ_r² − (l_r·q)²).
 
+    S_r is BᵀF_rB: stretches come in groups, each of which knows few coordinates Bq.
+
     Attributes
     ----------
-    quadratic : (R, m, m) float
-        S_r, J^½/(kg m²); symmetric.
+    basis : (b, m) float
+        B of each group in turn, kg^-½ m⁻¹.
+    extent, rows : (G,) int
+        How many rows of it each group has, and how many stretches.
+    form : (N,) float
+        F_r of each group in turn, J^½: lower triangles.
     linear : (R, m) float
         l_r, J^½/(kg^½ m). Where it is not zero, √2 Λ⁻¹ l_r is a shape of unit energy, orthogonal to the others.
     sign : (R,) float
@@ -36,21 +43,52 @@ class Membrane:
         The same in the tangent stiffness: 0 of what a shadow's places miss at third order.
     """
 
-    quadratic: FloatArray
+    basis: FloatArray
+    extent: IntArray
+    rows: IntArray
+    form: FloatArray
     linear: FloatArray
     sign: FloatArray
     stiff: FloatArray
 
+    def __post_init__(self) -> None:
+        """Bring the arrays into their types and check their shapes.
+
+        Raises
+        ------
+        ModalFileError
+            Naming the array that is wrong, and how.
+        """
+        numbers = sum(rows * (extent * (extent + 1) // 2) for extent, rows in zip(self.extent, self.rows, strict=False))
+        sizes = {"m": self.linear.shape[-1], "b": self.extent.sum(), "R": self.rows.sum(), "N": numbers}
+        settle(self, ARRAYS["membrane"], sizes, "membrane")
+
+    @classmethod
+    def of(cls, basis: FloatArray, forms: FloatArray, linear: FloatArray, *signs: FloatArray) -> "Membrane":
+        """One group: B, F_r (R, b, b), l_r, s_r and its part in the stiffness."""
+        return cls(basis, np.array([len(basis)]), np.array([len(linear)]), triangles(forms).ravel(), linear, *signs)
+
+    @classmethod
+    def joined(cls, several: Iterable["Membrane"]) -> "Membrane":
+        """All groups of several, of the same modes."""
+        return cls(*(np.concatenate([getattr(one, f.name) for one in several]) for f in fields(cls)))
+
+    def groups(self) -> Iterator[tuple[FloatArray, FloatArray, slice]]:
+        """B and F_r (r, b, b) of each group, and which of the stretches they are."""
+        pairs, last = self.extent * (self.extent + 1) // 2, np.cumsum(self.rows)
+        bases, forms = np.split(self.basis, np.cumsum(self.extent)), np.split(self.form, np.cumsum(self.rows * pairs))
+        for basis, form, count, end, rows in zip(bases, forms, pairs, last, self.rows, strict=False):
+            yield basis, whole(form.reshape(rows, count)), slice(end - rows, end)
+
     @property
-    def flattenings(self) -> int:
-        """How many of the stretches set energy free."""
-        return int((self.sign < 0.0).sum())
+    def quadratic(self) -> FloatArray:
+        """S_r (R, m, m), J^½/(kg m²)."""
+        return np.concatenate([basis.T @ forms @ basis for basis, forms, _ in self.groups()])
 
     @property
     def words(self) -> str:
         """What there is, for people."""
-        flat = self.flattenings
-        shapes = int(np.any(self.linear != 0.0, axis=1).sum())
+        flat, shapes = int((self.sign < 0.0).sum()), int(np.any(self.linear != 0.0, axis=1).sum())
         found = [f"{len(self.sign) - flat} stretches"] * (len(self.sign) > flat)
         found += [f"{shapes} of shapes that bend the body themselves"] * (shapes > 0)
         return ", ".join(found + [f"{flat} flattenings"] * (flat > 0))
@@ -66,10 +104,6 @@ class Membrane:
         shapes = np.divide(self.linear, stiffness, out=np.zeros_like(self.linear), where=stiffness > 0.0)
         return 4.0 * np.tensordot(shapes, self.quadratic, (0, 0))
 
-    def taken(self, stiffness: FloatArray, q: FloatArray) -> FloatArray:
-        """Modal coordinates (m,) by which q, the shapes being in it, falls short of a motion at second order."""
-        return 0.5 * self.shift(stiffness) @ q @ q
-
     def turned(self, turn: FloatArray, stiffness: FloatArray) -> "Membrane":
         """The same in coordinates z with q = turn @ z.
 
@@ -83,17 +117,18 @@ class Membrane:
         -------
         Membrane
         """
-        quadratic, linear = turn.T @ self.quadratic @ turn, self.linear @ turn
-        own = np.any(self.linear != 0.0, axis=1)
-        shapes = np.divide(linear[own], stiffness, out=np.zeros_like(linear[own]), where=stiffness > 0.0)
-        # What z holds of the shapes, made orthonormal again.
-        held, axes = np.linalg.eigh(2.0 * linear[own] @ shapes.T)
-        axes, root = axes[:, held > _GONE], np.sqrt(held[held > _GONE])[:, None]
-        return Membrane(
-            np.concatenate([quadratic[~own], root[:, :, None] * np.tensordot(axes.T, quadratic[own], axes=1)]),
-            np.concatenate([linear[~own], axes.T @ linear[own] / root]),
-            *(np.concatenate([one[~own], np.ones(len(root))]) for one in (self.sign, self.stiff)),
-        )
+        found = []
+        for basis, forms, rows in self.groups():
+            linear, own = self.linear[rows] @ turn, np.any(self.linear[rows] != 0.0, axis=1)
+            shapes = np.divide(linear[own], stiffness, out=np.zeros_like(linear[own]), where=stiffness > 0.0)
+            # What z holds of the shapes, which are of one group, made orthonormal again.
+            held, axes = np.linalg.eigh(2.0 * linear[own] @ shapes.T)
+            axes, root = axes[:, held > _GONE], np.sqrt(held[held > _GONE])[:, None]
+            of_shapes = root[:, :, None] * np.tensordot(axes.T, forms[own], axes=1), axes.T @ linear[own] / root
+            signs = (np.append(one[rows][~own], np.ones(len(root))) for one in (self.sign, self.stiff))
+            both = map(np.concatenate, zip((forms[~own], linear[~own]), of_shapes, strict=True))
+            found.append(Membrane.of(basis @ turn, *both, *signs))
+        return Membrane.joined(found)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,6 @@ import hashlib
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from math import isqrt
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -14,12 +13,12 @@ from h5py import h5a, h5d, h5p, h5s, h5t
 
 from ..files.basics import ModalFileError
 from ..files.outputs import whole_file
-from .arrays import ARRAYS, Entry
+from .arrays import ARRAYS, Entry, triangles, whole
 from .methods import Mass, Method
 from .reduced_body import GROUPS, ReducedBody, Shadow, StressSet
 
 FORMAT = "flexfmu modal file"
-SCHEMA_VERSION = 8
+SCHEMA_VERSION = 9
 # In front of HDF5's own bytes, which its library may read for ever once they are damaged.
 _BLOCK = 512
 _SEAL = b"flexfmu modal file, SHA-256 of all behind these 512 bytes: "
@@ -53,7 +52,8 @@ def _datasets(body: ReducedBody) -> Iterator[tuple[str, Entry, Any]]:
         for entry in ARRAYS["shadow"]:
             yield entry.path, entry, getattr(body.shadow, entry.name)
         for path, entry, value in _datasets(body.shadow.body):
-            yield f"shadow/{path}", replace(entry, single=entry.single or path.startswith(_SINGLE)), value
+            single = entry.single or (path.startswith(_SINGLE) and entry.kind is float)
+            yield f"shadow/{path}", replace(entry, single=single), value
     for number, stresses in enumerate(body.stress_sets):
         for entry in ARRAYS["stress"]:
             yield f"stress/{number:03d}_{stresses.name}/{entry.path}", entry, getattr(stresses, entry.name)
@@ -136,26 +136,14 @@ def _stored(entry: Entry, value: Any) -> Any:
     if entry.kind is str:
         # Of a fixed length: HDF5 keeps them in the same bytes every time.
         return np.array([name.encode() for name in value] or [b""], dtype="S")[: len(value)]
-    data = value[..., *np.tril_indices(value.shape[-1])] if entry.symmetric else value
+    data = triangles(value) if entry.symmetric else value
     return data.astype("<f4") if entry.single else data
-
-
-def _whole(triangles: Any) -> Any:
-    """Symmetric matrices (…, m, m) from their lower triangles."""
-    count = triangles.shape[-1] if np.ndim(triangles) else -1
-    m = (isqrt(8 * count + 1) - 1) // 2 if count >= 0 else 0
-    if m * (m + 1) // 2 != count:
-        raise ValueError(f"{count} numbers are no triangle of a matrix")
-    rows, columns = np.tril_indices(m)
-    whole = np.empty((*triangles.shape[:-1], m, m), triangles.dtype)
-    whole[..., rows, columns] = whole[..., columns, rows] = triangles
-    return whole
 
 
 def _write(file: Any, path: str, entry: Entry, value: Any) -> None:
     data = _stored(entry, value)
     # Their shuffled bytes are smaller in an FMU, which is packed as a whole.
-    shuffled = entry.single and entry.symmetric and data.size > 0
+    shuffled = entry.symmetric and data.size > 0
     if shuffled:
         dataset = file.create_dataset(path, data=data, track_times=False, shuffle=True).id
     else:
@@ -195,7 +183,7 @@ def read_modal_file(source: str | Path | BinaryIO) -> ReducedBody:
             return _read(file, name)
     except FileNotFoundError as error:
         raise ModalFileError(f"{name}: no such file") from error
-    except (OSError, KeyError, ValueError, UnicodeDecodeError, RuntimeError, TypeError) as error:
+    except (OSError, LookupError, ValueError, UnicodeDecodeError, RuntimeError, TypeError) as error:
         raise ModalFileError(f"{name}: not a readable modal file ({error}); build it again") from error
 
 
@@ -243,6 +231,6 @@ def _read_entries(group: Any, entries: tuple[Entry, ...]) -> dict[str, Any]:
                 raise ValueError(f"{entry.path} has shape {np.shape(value)}, expected a list of names")
             value = tuple(text.decode() for text in value)
         elif entry.symmetric:
-            value = _whole(value)
+            value = whole(value)
         found[entry.name] = value
     return found

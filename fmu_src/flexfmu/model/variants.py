@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..files.basics import FloatArray, OptionError
-from .arrays import ARRAYS, turned
+from .arrays import ARRAYS, SECOND_BITS, is_single, short, turned
 from .inertia import without_frames
 from .methods import Data, FrameLayout, Mass, Method, Variant, has_frames, masses_of, named, needs, recipe_of
 from .reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, Surface
@@ -99,6 +99,17 @@ def lean(body: ReducedBody, variant: Variant) -> ReducedBody:
     if Data.SECOND_ORDER not in needed:
         unneeded["membrane"] = None
     return replace(body, method=variant.method, mass=variant.mass, **unneeded)
+
+
+def shortened(body: ReducedBody) -> ReducedBody:
+    """The body, and its shadow, with numbers of second order that pack well; those of parts say by what they bend."""
+    shadow, second = body.shadow, body.second
+    if shadow is not None:
+        shadow = replace(shadow, body=shortened(shadow.body))
+    if second is not None and body.ties is None:
+        both = second.displacement, second.rotation
+        second = SecondOrder(*(short(one, body.angular_frequency, SECOND_BITS[is_single(one)]) for one in both))
+    return replace(body, shadow=shadow, second=second)
 
 
 # Relative size of a singular value below which a motion is not held.

@@ -14,6 +14,7 @@ import numpy as np
 from ..core.interface import DESCRIPTION, shared, symbols
 from ..core.library import Core
 from ..files.basics import FloatArray, ModalFileError, OptionError
+from ..model.arrays import short
 from ..model.methods import Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, has_frames, masses_of, recipe_of
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.variants import chosen, offered, with_fixed_interfaces, with_frame_layout
@@ -25,7 +26,7 @@ from .variable_table import Variable, variable_table
 _CHAIN = 0.25
 # Critical load of the clamped column over what the moment u × F alone makes of it.
 _MOMENT = 8.0 / np.pi**2
-# Bits of its numbers: estimates of a few percent need no more, and shorter numbers pack well.
+# Bits of its numbers, of each load's largest: estimates of a few percent need no more, and short ones pack well.
 _BITS = 16
 _BY_LOAD, _BY_SECOND_ORDER = "geometric stiffness by load", "the frames to second order"
 
@@ -100,13 +101,9 @@ def second_opinion(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
     first, count = draft.sizes["elastic_first"], draft.sizes["elastic_count"]
     elastic, omega = slice(first, first + count), body.angular_frequency[first : first + count]
 
-    def scaled(tangents: FloatArray) -> FloatArray:
-        part = tangents[:, elastic, elastic]
-        fraction, power = np.frexp(0.5 * (part + part.swapaxes(1, 2)) / (omega[:, None] * omega))
-        return np.ldexp(np.rint(np.ldexp(fraction, _BITS)), power - _BITS)
-
+    parts = np.array([change, change - own])[..., elastic, elastic] / (omega[:, None] * omega)
     # Of methods that know of no loads both are the same array, which an FMU then has once.
-    judged, missed = scaled(change), scaled(change - own)
+    judged, missed = short(0.5 * (parts + parts.swapaxes(-1, -2)), np.ones(count), _BITS)
     triangle = np.tril_indices(count)
     draft.sizes |= {"judged": 1, "judged_pairs": triangle[0].size}
     draft.arrays |= {
@@ -187,7 +184,8 @@ def shadow_draft(body: ReducedBody) -> Draft:
         raise OptionError("the body was built without what tells its error: build it with error = true in [output]")
     draft = compile_draft(replace(shadow.body, following_interfaces=body.following_interfaces), Method.SECOND_ORDER)
     # As `Shadow` has what it is made of.
-    draft.arrays["curvature"] = np.asarray(draft.arrays["curvature"], np.float32)
+    for name in {"curvature", "stretch"} & draft.arrays.keys():
+        draft.arrays[name] = np.asarray(draft.arrays[name], np.float32)
     draft.sizes["embedded"] = body.mode_count
     draft.arrays["embedding"] = shadow.embedding
     return draft

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..core.interface import packed
 from ..files.basics import FloatArray, IntArray, OptionError
-from ..model.arrays import is_single
+from ..model.arrays import SECOND_BITS, is_single, short
 from ..model.inertia import LumpedMass, Membrane
 from ..model.methods import Kinematics
 from ..model.reduced_body import GROUND, ReducedBody
@@ -25,11 +25,10 @@ from ..model.rotations import product, skew
 
 # Share of the averaged rotation by which displacements turn where positions do not.
 _TURN = {Kinematics.LITERAL: 1.0, Kinematics.SECANT: 0.5}
-# Shares for numbers of double and of single precision: of the largest, below which a direction bends nothing but by
-# round-off; of a stretch outside the coordinates that bend a part, below which it is theirs.
-_NO_BEND, _OUTSIDE = (1e-13, 1e-5), (1e-9, 1e-5)
-# Share of all coordinates up to which those of a part are worth turning to, and that stretches of few go by at most.
-_WORTH, _FEW = 0.75, 0.5
+# Share of the largest, below which a direction bends nothing but by round-off of double or of single precision.
+_NO_BEND = 1e-13, 1e-5
+# Share of all coordinates up to which those of a part, or of a group of stretches, are worth turning to.
+_WORTH = 0.75
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +105,10 @@ def build_tree(body: ReducedBody, kinematics: Kinematics, inertia: LumpedMass | 
     if kinematics is Kinematics.SECOND_ORDER and frames:
         curvature = _curvature(body, inertia, on, offset, d, u, theta)
         curvature.reshape(2, len(on), 3, *curvature.shape[1:])[1, lumps] = 0.0
-        no_bend = _NO_BEND[body.second is not None and is_single(body.second.displacement)]
+        kept, omega = body.second.displacement if body.second else np.zeros(0), body.angular_frequency
+        no_bend, bits = _NO_BEND[is_single(kept)], SECOND_BITS[is_single(kept)]
+        if np.array_equal(kept, short(kept, omega, bits)):
+            curvature = short(curvature, omega, bits)
     return Tree(on, frames, x, offset, base, np.stack([d, c]), curvature, lumps, no_bend)
 
 
@@ -231,7 +233,7 @@ def bends(tree: Tree, inertial: int) -> dict[str, FloatArray | IntArray]:
 
 
 def stretches(membrane: Membrane, bent: Mapping[str, Any]) -> dict[str, FloatArray | IntArray]:
-    """Membrane energy, where that is worth it in coordinates that bend a part or of stretches alone, fewer than q has.
+    """Membrane energy, each group in its own coordinates where these are fewer than q has.
 
     Parameters
     ----------
@@ -244,27 +246,21 @@ def stretches(membrane: Membrane, bent: Mapping[str, Any]) -> dict[str, FloatArr
     dict
         Fields of a program: basis, extent, stretch, stretch_rows, stretch_linear, stretch_sign, stretch_stiff.
     """
-    quadratic, modes = membrane.quadratic, membrane.quadratic.shape[-1]
-    least = _OUTSIDE[is_single(quadratic)] * np.linalg.norm(quadratic, axis=(1, 2))
-    plain = ~membrane.linear.any(axis=1)
-    # A part that has all coordinates has no basis: q itself bends it, and stretches.
-    ends = np.cumsum([modes * count * (count < modes) for count in bent["extent"]])
-    bases = [basis.reshape(-1, modes) for basis in np.split(bent["basis"], ends)[:-1]]
-    inside = [plain & (np.linalg.norm(quadratic - quadratic @ b.T @ b, axis=(1, 2)) < least) for b in bases]
-    few = plain & ~np.any(inside, axis=0)
-    few[few] = np.linalg.matrix_rank(quadratic[few], tol=least[few], hermitian=True) <= _FEW * modes
-    _, strength, directions = np.linalg.svd(quadratic[few].reshape(-1, modes), full_matrices=False)
-    common = directions[strength > least[few].min(initial=np.inf)]
-    if 0 < len(common) <= _WORTH * modes:
-        bases.append(common)
-        inside.append(few)
-    owner = np.argmax([*inside, np.ones(len(quadratic), dtype=bool)], axis=0)
-    every = np.argsort(owner, kind="stable")
-    own = [packed(basis @ quadratic[owner == part] @ basis.T) for part, basis in enumerate(bases)]
+    linear, rest = membrane.linear, np.ones(len(membrane.linear), dtype=bool)
+    bases, forms, order = [bent["basis"]], list[FloatArray](), list[IntArray]()
+    for basis, found, rows in membrane.groups():
+        plain = np.flatnonzero(~linear[rows].any(axis=1))
+        directions, parts = np.linalg.qr(basis.T)
+        if 0 < len(parts) <= _WORTH * linear.shape[1] and plain.size:
+            bases.append(directions.T)
+            forms.append(packed(parts @ found[plain] @ parts.T))
+            order.append(rows.start + plain)
+            rest[order[-1]] = False
+    every = np.concatenate([*order, np.flatnonzero(rest)])
     return {
-        "basis": np.concatenate([np.zeros(0), *map(np.ravel, bases)]),
-        "extent": np.array([len(basis) or modes for basis in bases]),
-        "stretch": np.concatenate([*own, packed(quadratic[owner == len(bases)])]),
-        "stretch_rows": np.bincount(owner, minlength=len(bases) + 1)[:-1],
+        "basis": np.concatenate([one.ravel() for one in bases]),
+        "extent": np.array([*bent["extent"], *map(len, bases[1:])]),
+        "stretch": np.concatenate([*forms, packed(membrane.quadratic[rest])]),
+        "stretch_rows": np.array([*0 * bent["extent"], *map(len, order)]),
         **{f"stretch_{name}": getattr(membrane, name)[every] for name in ("linear", "sign", "stiff")},
     }

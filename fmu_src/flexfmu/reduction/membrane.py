@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations_with_replacement
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -226,11 +226,9 @@ class Stretching:
         whole = np.zeros((sum(map(len, forms)), directions.shape[1], directions.shape[1]))
         whole[:, first, second] = whole[:, second, first] = np.concatenate(forms)
         wide, modes, every = directions * self._omega[:, None], self.modes.angular_frequency.size, self._elastic
-        zeros, sign = np.zeros((len(whole), modes, modes)), np.concatenate(signs)
-        result = Membrane(zeros, zeros[:, 0].copy(), sign, sign)
-        result.quadratic[:, every[:, None], every] = wide @ whole @ wide.T
-        result.linear[:, every] = np.concatenate(linear) * self._omega
-        return result
+        (basis, of_modes), sign = (np.zeros((len(rows), modes)) for rows in (wide.T, whole)), np.concatenate(signs)
+        basis[:, every], of_modes[:, every] = wide.T, np.concatenate(linear) * self._omega
+        return Membrane.of(basis, whole, of_modes, sign, sign)
 
     def third_order(self, membrane: Membrane, body: ReducedBody) -> Membrane:
         """The same, and what the places of a body with it miss at third order in its softest motions under loads."""
@@ -266,10 +264,9 @@ class Stretching:
         bushings, least = self.matrices.model.bushings, _NO_SQUARE * size.min() ** 2
         pulls = np.hstack([every.reshape(len(size), -1), (bushings.rows @ fields).T]), len(size) - soft
         forms, signs = missed_energy(body, q, *pulls, sums, work, least, partial(bushings.third, fields))
-        missed = rows.T @ forms @ rows
         # Stiffness is of fifth order, of which this is a part only.
-        before, more = asdict(membrane).values(), (missed, 0.0 * missed[..., 0], signs, 0.0 * signs)
-        return Membrane(*(np.concatenate(parts) for parts in zip(before, more, strict=True)))
+        linear = np.zeros((len(forms), rows.shape[1]))
+        return Membrane.joined([membrane, Membrane.of(rows, forms, linear, signs, 0.0 * signs)])
 
     def _refuse_what_does_not_fit(self, pairs: int) -> None:
         """Refuse more pairs than the memory holds, before any is begun."""
@@ -351,16 +348,17 @@ def completed_body(stretching: Stretching, body: ReducedBody) -> ReducedBody:
     """A body that has as energy what its places miss at third order, unless ties work on them, too."""
     if body.ties is not None:
         return body
-    modes = body.mode_count
-    membrane = body.membrane or Membrane(np.zeros((0, modes, modes)), np.zeros((0, modes)), np.zeros(0), np.zeros(0))
+    none = np.zeros((0, body.mode_count))
+    membrane = body.membrane or Membrane.of(none, np.zeros((0, 0, 0)), none, np.zeros(0), np.zeros(0))
     places = body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
-    key = content_key(__name__, "third order", stretching.key, stretching.loads, membrane.quadratic, *places)
+    key = content_key(__name__, "third order", stretching.key, stretching.loads, *asdict(membrane).values(), *places)
     find = partial(stretching.third_order, membrane, body)
     return replace(body, membrane=_kept(stretching.matrices, key, "what places miss at third order", find))
 
 
 def _kept(matrices: Matrices, key: str, title: str, find: Callable[[], Membrane]) -> Membrane:
-    return Membrane(**matrices.store.arrays(key, title, matrices.report, lambda: asdict(find())))
+    kept: dict[str, Any] = matrices.store.arrays(key, title, matrices.report, lambda: asdict(find()))
+    return Membrane(**kept)
 
 
 def _taken(along: bool) -> str:

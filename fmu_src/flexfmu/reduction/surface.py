@@ -8,6 +8,7 @@ from ..fe.gradients import nodal_stress, quadratic_strain
 from ..files.basics import FloatArray, IntArray
 from ..files.outputs import tell_nobody
 from ..mesh.model import Mesh
+from ..model.arrays import SECOND_BITS, short
 from ..model.reduced_body import GROUND, Surface
 from .basis import Matrices
 from .fourth_order import pair_products
@@ -192,4 +193,4 @@ def second_order_fields(
     onto[:, elastic] = axes * size
     forms = np.zeros((turn.shape[1], kept, kept))
     forms[:, first, second] = forms[:, second, first] = (turn / weight[:, None]).T
-    return pairs @ turn, np.einsum("rab,ai,bj->rij", forms, onto, onto, optimize=True)
+    return pairs @ turn, short(onto.T @ forms @ onto, modes.angular_frequency, SECOND_BITS[True])

@@ -1,7 +1,7 @@
 """Parts of a cut body, each reduced by itself, joined to one reduced body (docs/theory.md, section 10)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -281,15 +281,10 @@ def _second_order(
 
 def joined_membrane(parts: Sequence[ReducedBody], modes: FloatArray) -> Membrane | None:
     """Stretches of all parts, which have no shapes of their own, in modes (m, k) of all."""
-    found, stack = [], _Stack.of(parts)
-    for p, part in enumerate(parts):
-        if part.membrane is not None:
-            own = stack.own(p, modes)
-            found.append((own.T @ part.membrane.quadratic @ own, part.membrane.sign, part.membrane.stiff))
-    if not found:
-        return None
-    quadratic, *signs = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-    return Membrane(quadratic, np.zeros(quadratic.shape[:2]), *signs)
+    stack = _Stack.of(parts)
+    held = [(part.membrane, stack.own(p, modes)) for p, part in enumerate(parts) if part.membrane is not None]
+    found = [replace(one, basis=one.basis @ own, linear=one.linear @ own) for one, own in held]
+    return Membrane.joined(found) if found else None
 
 
 def _stress_sets(stack: _Stack, modes: FloatArray) -> tuple[StressSet, ...]:

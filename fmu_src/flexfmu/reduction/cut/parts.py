@@ -352,7 +352,7 @@ def reduced_whole(config: BodyOptions, model: Model, report: Reporter, store: St
 def _certified(piece: Reduced, config: BodyOptions, model: Model, report: Reporter, store: Store) -> Reduced:
     """A body in one piece with its shadow, and another one where loops through supports are opened."""
     found, opened = replace(config, frames=(), branches=(), levels_asked=False, cuts=()), model
-    flattens = piece.body.membrane is not None and piece.body.membrane.flattenings > 0
+    flattens = piece.body.membrane is not None and bool(np.any(piece.body.membrane.sign < 0.0))
     with report.stage("Look for loops that stay closed"):
         within = _within(found, model)
         if within or (_closes_loops(model) and (_rolls(model) or (config.levels > 1 and not flattens))):
