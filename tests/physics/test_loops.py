@@ -15,7 +15,7 @@ from driven import Driven
 from flexfmu.api import Body, Support
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import BodyFile, read_body_file
-from flexfmu.build.reduce import reduce_body
+from flexfmu.build.reduce import body_model, reduce_body
 from flexfmu.build.tables import FormulationTable
 from flexfmu.files.basics import UnitSystem
 from flexfmu.files.outputs import Reporter
@@ -26,7 +26,7 @@ from flexfmu.mesh.model import Material
 from flexfmu.model.methods import Method
 from flexfmu.reduction.cut import parts
 from flexfmu.reduction.cut.loops import loop_sections
-from meshes import box, grid, lattice, renumbered, with_sets, write_deck
+from meshes import bars, box, grid, lattice, renumbered, with_sets, write_deck
 from references import DEMO, body_without_error, calculix, displacement, relative
 
 pytestmark = pytest.mark.slow
@@ -428,3 +428,20 @@ def test_joints_that_ring_in_motion_are_no_error(leaves, tmp_path):
     assert 0.0 < max(told) < 5e-3
     assert all(driven.taken(step) for _ in range(1500))
     assert all("mass" in text for _, text in driven.log)
+
+
+def test_a_division_with_frames_as_long_as_before_is_tried_once_where_it_is_the_other(monkeypatch):
+    """A stool of beams and shells on four legs was cut into nine frames twice."""
+    posts = [((x, y, 0), (x, y, 5)) for x in (0, 6) for y in (0, 6)]
+    rails = [((1, y, 5), (5, y, 5)) for y in (0, 6)] + [((x, 1, 5), (x, 5, 5)) for x in (0, 6)]
+    mesh = with_sets(bars(ElementType.C3D20, posts + rails, SIDE), ROOT=lambda p: p[:, 2])
+    corner = np.flatnonzero((mesh.points[:, :2] < 1.1 * SIDE).all(axis=1) & (mesh.points[:, 2] > 5.9 * SIDE))
+    body = Body(mesh, supports=["ROOT"], interfaces={"corner": corner}, name="table")
+    model = body_model(body.mesh, body.spec)
+
+    def levels():
+        return [one.levels for one, _ in parts.chosen_cuts(model.options, model.model, Reporter(), Store())[1]]
+
+    assert levels() == [4, 20]
+    monkeypatch.setattr(parts, "_as_long", lambda *given: given[2])
+    assert levels() == [4]

@@ -31,7 +31,7 @@ typedef struct {
 /* Numbers found on the way: the largest deflection, and that by inertia; how soft an interface is; by how much second order
  * within frames moves interfaces, of that what more frames do not change, flattening, and membrane energy; strain; how the
  * error is looked for again. */
-enum { REACH, TURNED, INERTIA, SOFT, OWN, WITHIN, FLAT, STRAIN, OTHERWISE, FOUND };
+enum { REACH, TURNED, INERTIA, SOFT, OWN, WITHIN, FLAT, FLAT_TURNED, STRAIN, OTHERWISE, FOUND };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = body->p;
@@ -273,13 +273,14 @@ static int newton_steps(Body *shadow, Room *room, const double *inputs, int open
     return newton_step(shadow, room, inputs, room->blocks + BLOCKS, opened, 0, 1);
 }
 
-/* The largest linear deflection of an interface under forces on the body's coordinates; in the room of other places. */
-static double deflection_by(const Body *body, const double *force, Room *room) {
+/* The largest linear deflection of an interface under forces on the body's coordinates, and turn; in the room of other places. */
+static double deflection_by(const Body *body, const double *force, Room *room, double *turn) {
     const Program *p = body->p;
-    double largest = 0.0, *moved = room->other;
+    double largest = 0.0, *moved = room->other, *turned = moved + 3 * p->interfaces;
     for (int64_t j = 0; j < p->modes; j++) room->rigid[j] = j < p->rigid ? 0.0 : force[j] / body->opened->stiffness[j];
-    rows_times(p->load_operator, room->rigid, moved, 3 * p->interfaces, p->modes);
+    rows_times(p->load_operator, room->rigid, moved, 6 * p->interfaces, p->modes);
     for (int64_t i = 0; i < p->interfaces; i++) largest = fmax(largest, norm(moved + 3 * i, 3));
+    for (int64_t i = 0; i < p->interfaces; i++) *turn = fmax(i ? *turn : 0.0, norm(turned + 3 * i, 3));
     return largest;
 }
 
@@ -314,21 +315,25 @@ static double reach_of(const Program *p, const double *by, double largest) {
     return fmax(largest, ARM * span_of(p) * largest_turn(p, by));
 }
 
-/* The largest error over a deflection, or half of that of an angle over the largest or the deflection's; 0 of a body at rest. */
-static double share_of(const Program *p, const double *error, double deflection, double angle) {
+/* What an error of an angle counts as one of a deflection: half of it over the largest angle or the deflection's. */
+static double as_moved(const Program *p, double error, double deflection, double angle) {
     const double span = span_of(p), wide = span > 0.0 ? fmax(angle, deflection / span) : 0.0;
+    return wide > 0.0 ? HALF * error / wide * deflection : 0.0;
+}
+
+/* The largest error over a deflection, that of angles too; 0 of a body at rest. */
+static double share_of(const Program *p, const double *error, double deflection, double angle) {
     double size = 0.0, largest = 0.0;
     /* An interface at the origin is known exactly, what carries it is not. */
     for (int64_t i = 0; i < p->frames + p->interfaces; i++) size = fmax(size, norm(p->point + 3 * i, 3));
     for (int64_t i = 0; i < p->interfaces; i++) largest = fmax(largest, error[2 * i]);
-    largest = reach_of(p, error, largest);
-    if (wide > 0.0) largest = fmax(largest, HALF * largest_turn(p, error) / wide * deflection);
+    largest = fmax(reach_of(p, error, largest), as_moved(p, largest_turn(p, error), deflection, angle));
     return largest > fmax(OF_DEFLECTION * deflection, OF_SIZE * size) ? largest / fmax(deflection, OF_SIZE * size) : 0.0;
 }
 
 /* What goes onto the bound: half of the errors beyond 0.3 % are estimated below 0.6 of what they are. */
 static const double MARGIN = 1.25;
-/* The deflection by what flattens sections. */
+/* The deflection by what flattens sections, and how far it turns interfaces. */
 static double moved_by_flattening(Body *body, Room *room, const double *q) {
     const Program *p = body->p;
     Arena arena = work_arena(body);
@@ -340,7 +345,7 @@ static double moved_by_flattening(Body *body, Room *room, const double *q) {
         if (p->stretch_sign[r] > 0.0) at.bent[r] = at.whole[r] = 0.0;
     memset(room->rest, 0, (size_t)p->modes * sizeof(double));
     subtract_stretch_force(body, &at, &at, room->rest);
-    return deflection_by(body, room->rest, room);
+    return deflection_by(body, room->rest, room, room->found + FLAT_TURNED);
 }
 
 /* Bound of an error of which the shadow finds a share: near a critical load what it does not see grows as well. Of flattening,
@@ -410,7 +415,7 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
         room->found[TURNED] = largest_turn(p, room->error);
     }
     if (due(slice, 0.5 * CALLS)) {
-        const double inertia = deflection_by(body, room->rest, room);
+        double turn, inertia = deflection_by(body, room->rest, room, &turn);
         room->found[REACH] = fmax(room->found[REACH], inertia);
         room->found[INERTIA] = p->ties ? inertia : 0.0;
     }
@@ -476,9 +481,10 @@ void error_found(const Body *body, const Body *shadow, Arena arena, double *erro
     const int third = !p->rigid && !p->ties && !shadow->p->ties;
     *deflection = fmax(*deflection, found[REACH]);
     *share = *bound = share_of(p, room->error, *deflection, found[TURNED]);
+    const double flat = fmax(found[FLAT], as_moved(p, found[FLAT_TURNED], *deflection, found[TURNED]));
     /* A shadow with loops opened: its frames are others, and joints that a step closes pull. */
     if (found[SOFT] > 0.0 && *deflection > 0.0)
-        *bound = bound_of(*share, opened ? 1.0 : found[SOFT], opened ? 0.0 : found[WITHIN] / *deflection, found[FLAT] / *deflection,
+        *bound = bound_of(*share, opened ? 1.0 : found[SOFT], opened ? 0.0 : found[WITHIN] / *deflection, flat / *deflection,
                           found[STRAIN], third);
     for (int64_t i = 0; i < 2 * p->interfaces; i++) error[i] = *share == 0.0 ? 0.0 : room->error[i];
 }

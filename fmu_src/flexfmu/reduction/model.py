@@ -360,19 +360,17 @@ def _rigidly_joined(mesh: Mesh, piece: IntArray) -> IntArray:
 
 def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, held: BoolArray) -> FloatArray:
     """Rigid motions (3k, r) of nodes (k,) that equations join; refused where pieces can move against each other."""
-    count = len(mesh.points)
-    piece = _rigidly_joined(mesh, connected_parts(replace(mesh, equations=sp.csr_array((0, 0)))))[nodes]
-    piece = np.unique(piece, return_inverse=True)[1]
+    alone = connected_parts(replace(mesh, equations=sp.csr_array((0, 0))))
+    piece = np.unique(_rigidly_joined(mesh, alone)[nodes], return_inverse=True)[1]
     whole = free_motions(mesh.points[nodes], np.zeros((nodes.size, 3), dtype=bool))
     # A column for each motion of each piece, in the same units all over.
-    blocks = np.zeros((count, 3, 6 * (int(piece.max()) + 1)))
+    blocks = np.zeros((len(mesh.points), 3, 6 * (int(piece.max()) + 1)))
     column = 6 * piece[:, None, None] + np.arange(6)
     blocks[nodes[:, None, None], np.arange(3)[:, None], column] = whole.reshape(-1, 3, 6)
-    own: FloatArray = blocks.reshape(3 * count, -1)
+    own: FloatArray = blocks.reshape(3 * len(blocks), -1)
     resisted = np.concatenate([own[held.ravel()], equations @ own, *_link_strains(mesh, own)])
     # The triangle alone: there may be far more rows than motions.
-    triangle = np.linalg.qr(np.concatenate([resisted, np.zeros((own.shape[1], own.shape[1]))]), mode="r")
-    _, values, turn = np.linalg.svd(triangle)
+    _, values, turn = np.linalg.svd(np.linalg.qr(np.vstack([resisted, np.zeros(2 * own.shape[1:])]), mode="r"))
     # Equations that resist nothing within a single piece are round-off of their terms.
     size = max(float(values.max()), float(np.abs(equations.data).max(initial=0.0)))
     found = own @ turn[values <= _FREE * size].T
@@ -380,10 +378,12 @@ def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, hel
     # Of a lone node six motions are three.
     _, moved, mixed = np.linalg.svd(np.linalg.qr(found, mode="r"))
     found = found @ mixed[moved > _FREE].T
-    inside: FloatArray = found.reshape(count, 3, -1)[nodes].reshape(whole.shape[0], -1)
+    inside: FloatArray = found.reshape(len(blocks), 3, -1)[nodes].reshape(whole.shape[0], -1)
     if found.shape[1] and np.linalg.matrix_rank(np.hstack([inside, whole])) > whole.shape[1]:
-        fault = "equations of the mesh file (*TIE, *EQUATION, *MPC) leave pieces free to move against each other"
-        raise ModelError(f"{fault} ({found.shape[1]} motions with the supports): join them by more nodes")
+        apart = np.abs(inside - whole @ np.linalg.lstsq(whole, inside)[0]).max(axis=1)
+        fault = "equations (*TIE, *EQUATION, *MPC), or single nodes where shells, beams and solids meet, leave pieces"
+        fault += f" free to move against each other ({plural(found.shape[1], 'motion')} with the supports)"
+        raise ModelError(f"{fault}, such as node {mesh.labels[nodes[apart.argmax() // 3]]}: join them by more nodes")
     return inside
 
 

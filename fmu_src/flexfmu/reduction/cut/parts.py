@@ -81,9 +81,9 @@ def chosen_cuts(config: BodyOptions, model: Model, report: Reporter, store: Stor
         return (config, model), []
     cut, reason = _decided(config, Matrices(model, report, store), parts)
     if cut is None:
-        config = replace(config, certificate=True)
-        return (config, model), [
-            (replace(one, certificate=True), opened) for one in (found, _as_long(config, model, found, parts))
+        tried = {one.levels: one for one in (found, _as_long(config, model, found, parts))}
+        return (replace(config, certificate=True), model), [
+            (replace(one, certificate=True), opened) for one in tried.values()
         ]
     report.tell([reason, *(notes if cut else ())])
     return ((found, opened) if cut else (replace(config, levels=1, may_cut=False), model)), []
