@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from .build.choices import Interface, NodeChoices, Nodes, Support, checked_spec, material_table, plain
 from .build.config import read_body_file
-from .build.reduce import body_model, read_body_mesh, reduce_mesh
+from .build.kept import built_body
 from .files.basics import BodyFileError, UnitSystem, unit_system
 from .files.outputs import SCRIPT, Reporter, picture_html, rows_html
 from .files.store import Store, default_folder
@@ -18,7 +18,6 @@ from .mesh.formats import file_origin
 from .mesh.in_memory import as_mesh
 from .mesh.model import Mesh
 from .model.methods import Mass, Method
-from .view.mesh import model_view
 from .view.shown import Shown
 
 
@@ -125,7 +124,7 @@ class Body:
         """
         body = cls.__new__(cls)
         body.spec = config = read_body_file(Path(path))
-        body.mesh = read_body_mesh(config, report)
+        body.mesh = config.read_mesh(report)
         body._origin = file_origin(config.mesh.file)
         return body
 
@@ -143,6 +142,9 @@ class Body:
 
     def view(self, report: Reporter = SCRIPT) -> Shown:
         """Show supports, interfaces, frames and cuts on the mesh, before the build: a page in notebooks."""
+        from .build.reduce import body_model
+        from .view.mesh import model_view
+
         read = body_model(self.mesh, self.spec)
         return Shown(model_view(read.options, read.model, report))
 
@@ -209,7 +211,7 @@ class Body:
             given = {key: plain(value) for key, value in values.items() if value is not None}
             data[table] = {**data.get(table, {}), **given}
         store = store or Store(default_folder())
-        return BuiltBody(reduce_mesh(self.mesh, checked_spec(data), self._origin, report, store))
+        return BuiltBody(built_body(self.mesh, checked_spec(data), self._origin, report, store))
 
 
 def _choose_frames(

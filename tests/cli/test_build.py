@@ -20,7 +20,9 @@ from typer.testing import CliRunner
 import flexfmu.build.reduce
 import flexfmu.reduction.basis
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build.reduce import build_fmu, reduce_body
+from flexfmu.build.config import read_body_file
+from flexfmu.build.kept import build_fmu
+from flexfmu.build.reduce import reduce_body
 from flexfmu.commands.cli import app
 from flexfmu.files.basics import BodyFileError, FlexfmuError, MeshError, ModelError, OptionError
 from flexfmu.files.outputs import Reporter
@@ -292,6 +294,54 @@ def test_building_twice_gives_the_same_bytes(folder):
     assert (folder / "three.fmu").read_bytes() != outputs[0].read_bytes()
 
 
+def test_a_second_build_writes_and_says_the_same_and_imports_nothing_that_reduces(folder):
+    (folder / "body.toml").write_text(BAR.replace("error = false", "error = true"))
+    environment = os.environ | {"FLEXFMU_CACHE": str(folder / "cache"), "PYTHONPROFILEIMPORTTIME": "1"}
+    said, imported = [], []
+    for name in ("one", "two"):
+        files = ["body.toml", "-o", f"{name}.fmu", "--modal-file", f"{name}.h5"]
+        command = [sys.executable, "-m", "flexfmu", "build", *files]
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=True)
+        lines = done.stderr.splitlines()
+        said.append([line for line in lines if line.startswith("  ")])
+        imported.append({line.split("|")[-1].strip() for line in lines if line.startswith("import time")})
+    for suffix in (".fmu", ".h5"):
+        assert (folder / f"one{suffix}").read_bytes() == (folder / f"two{suffix}").read_bytes()
+    assert said[0] == said[1]
+    assert any("own estimate of its error" in line for line in said[0])
+    needless = {"flexfmu.reduction.modes", "flexfmu.program.compile", "scipy.sparse", "scipy.linalg", "h5py"}
+    assert needless <= imported[0]
+    assert not needless & imported[1]
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda path: (path / "body.toml").write_text(BAR.replace("ratio = 0.01", "ratio = 0.02")),
+        lambda path: write_deck(replace(bar(), points=1.01 * bar().points), path / "bar.inp"),
+    ],
+)
+def test_what_is_kept_of_another_body_is_not_taken(folder, edit):
+    store = Store(folder / "cache")
+    build_fmu(folder / "body.toml", folder / "one.fmu", store=store)
+    edit(folder)
+    build_fmu(folder / "body.toml", folder / "two.fmu", store=store)
+    build_fmu(folder / "body.toml", folder / "fresh.fmu")
+    assert (folder / "two.fmu").read_bytes() == (folder / "fresh.fmu").read_bytes()
+    assert (folder / "two.fmu").read_bytes() != (folder / "one.fmu").read_bytes()
+
+
+def test_what_is_hardly_meant_ends_a_build_of_what_is_kept_too_unless_it_is_forced(folder):
+    (folder / "body.toml").write_text(BAR.replace('nodes = "TIP"', 'nodes = "ROOT"'))
+    command = ["build", str(folder / "body.toml"), "-o", str(folder / "bar.fmu")]
+    environment = {"FLEXFMU_CACHE": str(folder / "cache")}
+    forced, held, again = (
+        CliRunner().invoke(app, [*command, *more], env=environment) for more in (["--force"], [], ["--force"])
+    )
+    assert (forced.exit_code, held.exit_code, again.exit_code) == (0, 1, 0)
+    assert all("lies on a support" in " ".join(one.stderr.split()) for one in (forced, held, again))
+
+
 @pytest.mark.slow
 def test_processes_with_other_hash_seeds_and_working_directories_build_the_same_bytes(folder, monkeypatch):
     elsewhere = folder / "elsewhere"
@@ -363,12 +413,16 @@ def test_a_wrong_name_or_folder_of_the_output_is_refused_before_the_work_begins(
     assert sorted(folder.iterdir()) == before
 
 
-@pytest.mark.parametrize("writer", ["package_fmu", "write_modal_file"])
-def test_of_fmu_and_modal_file_both_are_written_or_none(folder, writer, monkeypatch):
-    def fail(*_, **__):
-        raise OSError("no space left")
+@pytest.mark.parametrize("suffix", [".fmu", ".h5"])
+def test_of_fmu_and_modal_file_both_are_written_or_none(folder, suffix, monkeypatch):
+    write = Path.write_bytes
 
-    monkeypatch.setattr(flexfmu.build.reduce, writer, fail)
+    def fail(path, data):
+        if path.suffix == suffix:
+            raise OSError("no space left")
+        return write(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", fail)
     before = sorted(folder.iterdir())
     with pytest.raises((OSError, FlexfmuError), match="no space left"):
         build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
@@ -415,7 +469,8 @@ def test_a_build_says_in_a_dozen_lines_what_a_user_wants_and_all_else_when_asked
 
 @pytest.mark.parametrize("file", ["bar.fmu", "bar.h5"])
 def test_info_shows_modes_interfaces_tree_and_origin(folder, file):
-    body = build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
+    build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
+    body = read_modal_file(folder / "bar.h5")
     result = CliRunner().invoke(app, ["info", str(folder / file)])
     assert result.exit_code == 0
     assert "bar: 6 modes, 1 interface, 3 frames; method second_order" in " ".join(result.stdout.split())
@@ -438,7 +493,8 @@ def test_info_refuses_what_is_no_body(folder):
 
 
 def test_the_body_in_the_fmu_is_the_body_that_was_built(folder):
-    body = build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
+    build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
+    body = reduce_body(read_body_file(folder / "body.toml"), Reporter())
     for found in (read_packaged_body(folder / "bar.fmu"), read_modal_file(folder / "bar.h5")):
         np.testing.assert_array_equal(found.interface_displacement, body.interface_displacement)
         assert found.provenance == body.provenance
@@ -518,7 +574,8 @@ def test_without_its_surface_a_body_is_as_large_whatever_its_mesh(folder):
     body = FlexibleBody(read_modal_file(folder / "coarse.h5"))
     assert body.model.surface is not None
     (folder / "body.toml").write_text(BAR.replace("surface = true", "surface = false"))
-    bare = FlexibleBody(build_fmu(folder / "body.toml", folder / "bare.fmu"))
+    build_fmu(folder / "body.toml", folder / "bare.fmu")
+    bare = FlexibleBody(read_packaged_body(folder / "bare.fmu"))
     with pytest.raises(OptionError, match="surface = true"):
         bare.surface_positions(bare.rest())
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from flexfmu.api import Body
 from flexfmu.body.loads import loads_from_mapping
-from flexfmu.build.reduce import build_fmu
+from flexfmu.build.kept import build_fmu
 from flexfmu.calls.functions import chart
 from flexfmu.commands.cli import app
 from flexfmu.files.basics import FlexfmuError, LoadError

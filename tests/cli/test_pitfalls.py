@@ -10,7 +10,8 @@ import pytest
 
 from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
-from flexfmu.build.reduce import build_fmu, reduce_body
+from flexfmu.build.kept import build_fmu
+from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import FrameTable, InterfaceTable
 from flexfmu.files.basics import BodyFileError, OutputError, PackagingError, SimulationError
 from flexfmu.files.outputs import Reporter

@@ -11,6 +11,7 @@ import scipy.optimize
 from scipy.linalg import eigh
 
 import flexfmu
+from flexfmu.body.reference_loads import own_error
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import BodyFileError, ModelError
 from flexfmu.files.outputs import Reporter
@@ -22,7 +23,6 @@ from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.bushings import resisted
 from flexfmu.reduction.model import assemble_model
 from flexfmu.study.scene.whole_model import TurningLoad, finite_motion
-from flexfmu.study.smallest import own_error
 from meshes import bars, box, with_sets
 from turns import exponential
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flexfmu import Body, FlexibleBody
+from flexfmu.body.reference_loads import own_error
 from flexfmu.build.reduce import read_body_model, reduce_body
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import EquilibriumError
@@ -15,7 +16,6 @@ from flexfmu.model.methods import Method, recipe_of
 from flexfmu.program.mechanics import against_error
 from flexfmu.reduction.bodies import fit_interface
 from flexfmu.reduction.cut.loops import element_contacts, inner_sections
-from flexfmu.study.smallest import own_error
 from meshes import bars, body_file, box, grid, lattice, with_sets
 
 SIDE = 0.01

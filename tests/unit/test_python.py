@@ -12,6 +12,7 @@ import pytest
 import flexfmu
 from flexfmu.files.basics import BodyFileError, MeshError, SimulationError
 from flexfmu.mesh.elements import ElementType
+from flexfmu.model.modal_file import modal_bytes
 from meshes import box
 from scene_tools import Listening
 
@@ -60,14 +61,17 @@ def built(cantilever):
 
 def test_a_build_takes_what_an_earlier_one_has_kept_as_the_command_does(tmp_path, monkeypatch):
     monkeypatch.setenv("FLEXFMU_CACHE", str(tmp_path))
-    first, second = Listening(), Listening()
+    first, second, third = Listening(), Listening(), Listening()
     points, cells = bricks()
     ends = [at_end(points, 0.0)], {"tip": at_end(points, LENGTH)}
-    for heard in (first, second):
-        flexfmu.Body((points, cells), E_STEEL, *ends, tables=PLAIN).build(report=heard)
+    every = [flexfmu.Body((points, cells), E_STEEL, *ends, tables=PLAIN).build(report=one) for one in (first, second)]
     assert any(tmp_path.iterdir())
     assert not any("earlier build" in text for text in first.notes)
-    assert any("normal modes: taken from an earlier build" in text for text in second.notes)
+    assert second.notes == ["body: taken from an earlier build", *first.notes]
+    assert len({modal_bytes(one.reduced) for one in every}) == 1
+    # Of another body of the same mesh the modes.
+    flexfmu.Body((points, cells), E_STEEL, *ends, tables=PLAIN, damping=0.02).build(report=third)
+    assert any("normal modes: taken from an earlier build" in text for text in third.notes)
 
 
 def test_arrays_alone_make_a_cantilever_as_soft_as_beam_theory_has_it(built):

@@ -1,9 +1,11 @@
 """Results of expensive stages kept from build to build, by content."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse
 
 import flexfmu
 from flexfmu.build.config import read_body_file
@@ -55,6 +57,27 @@ def build_and_listen(store, residual=False, **changes):
     changes["reduction"] = config.reduction.model_copy(update=reduction)
     listening = Listening()
     return reduce_body(config.model_copy(update=changes), listening, store), listening.reused, listening.warned
+
+
+@dataclass(frozen=True)
+class Holding:
+    """Of it a key tells all that it holds."""
+
+    one: object
+    other: object = None
+
+
+def test_a_key_tells_apart_what_holds_other_numbers_deep_within():
+    long, changed = np.zeros(5000), np.zeros(5000)
+    changed[2500] = 1e-300
+    every = [long, changed, scipy.sparse.csr_array(np.eye(3)), scipy.sparse.csr_array(2.0 * np.eye(3)), b"a", b"b"]
+    every += (
+        [{"a": one} for one in every[:2]] + [(one, 1) for one in every[:2]] + [Holding((one,)) for one in every[:4]]
+    )
+    every += [Holding(1, (2, 3)), Holding((1, 2), 3), {"a": 1, "b": 2}, {"b": 2, "a": 1}]
+    keys = [content_key("module", one) for one in every]
+    assert len({*keys}) == len(every)
+    assert content_key("module", Holding({"a": long.copy()})) == content_key("module", Holding({"a": long}))
 
 
 def same(first, second):

@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 
+from ..core.interface import parameter
 from ..files.basics import EquilibriumError, FloatArray
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody, Shadow
@@ -27,6 +28,8 @@ _NEAR, _ALIKE = 0.25, 0.01
 # Difference from another body that is none to warn of, half of what an FMU warns of; and one that tells enough itself:
 # a leaf on a shackle, 4 % off by its own shadow, snaps as the opened one does, a cross pivot, 8 %, does not.
 _SLIGHT, _TOLD = 5e-3, 0.05
+# Beyond this an error tells no more than that the motion is wrong, as FMUs say, too.
+_VAGUE = 0.1
 
 
 def reference_loads(
@@ -129,3 +132,21 @@ def apart(body: ReducedBody, *shadows: Shadow | None, first: ReducedBody | None 
 
 def _with(body: ReducedBody, *shadows: Shadow | None) -> list[FlexibleBody]:
     return [FlexibleBody(body), *(FlexibleBody(one.body, Method.SECOND_ORDER) for one in shadows if one is not None)]
+
+
+def own_error(body: ReducedBody) -> list[str]:
+    """The largest error under reference loads that the body tells of itself, in words; none of a free body."""
+    if body.rigid_count or body.properties is None or body.shadow is None:
+        return []
+    model, worst = FlexibleBody(body), (-1.0, "")
+    for _, name, force, state in reference_loads(model):
+        found = model.error(state, {name: force.tolist()})
+        moved = np.linalg.norm(model.response(state).displacement[body.interface_names.index(name)])
+        size = f"up to {100.0 * found.relative:.2g} %" if found.relative < _VAGUE else f"more than {100.0 * _VAGUE:g} %"
+        words = f"{size} under {np.linalg.norm(force):.3g} N on {name}, which moves by {moved:.3g} m"
+        worst = max(worst, (found.relative, words))
+    ties = None if body.ties is not None else body.shadow.body.ties
+    do = "more frames or modes" if ties is None else "a cut" if ties.joins else "rotational_stiffness of its supports"
+    hint = f"; {do} or --tolerance lower it"
+    hint *= worst[0] > (body.tolerance or parameter("ERROR_LIMIT").start)
+    return [f"own estimate of its error: {worst[1]}{hint}"] * bool(worst[1])

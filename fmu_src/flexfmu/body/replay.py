@@ -16,18 +16,7 @@ from ..core.library import StepLimits
 from ..files.basics import FloatArray, StepError
 from ..files.outputs import Reporter
 from ..model.reduced_body import ReducedBody
-from ..program.variable_table import (
-    DAMPING_SCALE,
-    DENSITY_SCALE,
-    FIXED,
-    INITIALIZATION,
-    INTERPOLATION,
-    METHOD,
-    STEP_LIMIT,
-    STEP_MOST,
-    STEP_TOLERANCE,
-    STIFFNESS_SCALE,
-)
+from ..program import variable_table as names
 from .flexible_body import FlexibleBody
 from .loads import Loads
 
@@ -71,15 +60,15 @@ def body_with(model: ReducedBody, parameters: Mapping[str, object], method: str 
     """
     usual, (stiffer, _, pace) = StepLimits(), _scales(parameters)
     limits = StepLimits(
-        pace * _number(parameters, STEP_LIMIT, usual.longest),
-        _number(parameters, STEP_TOLERANCE, usual.tolerance),
-        _number(parameters, STEP_MOST, usual.most),
+        pace * _number(parameters, names.STEP_LIMIT, usual.longest),
+        _number(parameters, names.STEP_TOLERANCE, usual.tolerance),
+        _number(parameters, names.STEP_MOST, usual.most),
     )
     if model.surface is not None and model.surface.stress is not None:
         model = replace(model, surface=replace(model.surface, stress=stiffer * model.surface.stress))
-    held = [name for name in model.interface_names if str(parameters.get(name + FIXED, "")).lower() in _YES]
-    chosen = method or parameters.get(METHOD)
-    damping = _number(parameters, DAMPING_SCALE, 1.0)
+    held = [name for name in model.interface_names if str(parameters.get(name + names.FIXED, "")).lower() in _YES]
+    chosen = method or parameters.get(names.METHOD)
+    damping = _number(parameters, names.DAMPING_SCALE, 1.0)
     return FlexibleBody(model, None if chosen is None else str(chosen), None, damping, limits, tuple(held))
 
 
@@ -89,7 +78,7 @@ def _number(parameters: Mapping[str, object], name: str, usual: float) -> float:
 
 def _scales(parameters: Mapping[str, object]) -> tuple[float, float, float]:
     """Factors of stiffness and density, and how many times faster all goes by them."""
-    stiffness, density = (_number(parameters, name, 1.0) for name in (STIFFNESS_SCALE, DENSITY_SCALE))
+    stiffness, density = (_number(parameters, name, 1.0) for name in (names.STIFFNESS_SCALE, names.DENSITY_SCALE))
     return stiffness, density, math.sqrt(stiffness / density)
 
 
@@ -126,14 +115,14 @@ def replay(
     -------
     Replay
     """
-    interpolation = word_of("INTERPOLATION", parameters.get(INTERPOLATION))
+    interpolation = word_of("INTERPOLATION", parameters.get(names.INTERPOLATION))
     stiffness, density, pace = _scales(parameters)
     table = np.column_stack([table[:, :1], table[:, 1:] / stiffness])
     table[:, 1 + 6 * body.model.interface_count :] *= density
     # fmpy sets the values before a jump for the start, those after it for the first step.
     before = table[0, 1:]
     state = body.rest()
-    if word_of("START", parameters.get(INITIALIZATION)) == "static":
+    if word_of("START", parameters.get(names.INITIALIZATION)) == "static":
         state = body.static(Loads.unpacked(before, body.model.interface_count))
     states, length, ended = [state.q], 0.0, ""
     with report.counted(f"Follow {body.model.name} to {points[-1]:g} s", len(points) - 1, "steps") as tell:

@@ -9,8 +9,11 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from ..files.basics import MOST_FRAMES, BodyFileError
+from ..files.outputs import Reporter
 from ..files.tables import Kind
 from ..files.toml_files import Name, Table, different, read_toml, validated
+from ..mesh.formats import read_mesh
+from ..mesh.model import Mesh
 from ..model.methods import Data, Mass, Method, Variant, conflict, has_frames, needs
 from ..reduction import options as plain
 from . import tables
@@ -311,6 +314,11 @@ class BodyFile(BodySpec):
     def shells(self) -> dict[str, tuple[float, float]]:
         """Thickness and offset of the shells of the mesh file, by their set."""
         return {one.elements: (one.thickness, one.offset) for one in self.shell}
+
+    def read_mesh(self, report: Reporter) -> Mesh:
+        """Read the mesh that it names."""
+        with report.stage(f"Read {self.mesh.file.name}"):
+            return read_mesh(self.mesh.file, self.mesh.units, self.shells, self.mesh.timeout)
 
 
 def read_body_file(path: Path) -> BodyFile:

@@ -3,25 +3,20 @@
 import hashlib
 import pickle
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from ..body.reference_loads import apart, differs_more, keeps_its_mass, lumps_are_fine
 from ..files.basics import FlexfmuError, FloatArray, UnitSystem, own_version, plural
-from ..files.outputs import SILENT, Reporter, Tentative, check_target, whole_file
+from ..files.outputs import Reporter, Tentative
 from ..files.store import Store
 from ..files.threads import in_one_thread
-from ..fmu.package import cores_for, package_fmu
-from ..fmu.runtime import Runtime
 from ..mesh.checks import checked, implausible
-from ..mesh.formats import file_origin, read_mesh
+from ..mesh.formats import file_origin
 from ..mesh.model import Mesh
 from ..model.methods import Data, Mass, Variant
-from ..model.modal_file import write_modal_file
 from ..model.reduced_body import Properties, ReducedBody, Surface
 from ..model.summary import NORMAL_MODES, first_frequency, missed_words, summary
 from ..model.variants import chosen, shortened
@@ -33,7 +28,7 @@ from ..reduction.model import Model, assemble_model, needless
 from ..reduction.options import DEFAULT_FRAMES, BodyOptions, BodyUse, by_name, element_set, node_set, support_places
 from ..reduction.piece import Reduced
 from ..reduction.rigid_nodes import stretch_free
-from .config import BodyFile, BodySpec, read_body_file
+from .config import BodyFile, BodySpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,15 +49,9 @@ class BodyModel:
     unused_material: bool
 
 
-def read_body_mesh(config: BodyFile, report: Reporter) -> Mesh:
-    """Read the mesh of a body file."""
-    with report.stage(f"Read {config.mesh.file.name}"):
-        return read_mesh(config.mesh.file, config.mesh.units, config.shells, config.mesh.timeout)
-
-
 def read_body_model(config: BodyFile, report: Reporter) -> BodyModel:
     """Read the mesh of a body file; see `body_model`."""
-    return body_model(read_body_mesh(config, report), config)
+    return body_model(config.read_mesh(report), config)
 
 
 def body_model(mesh: Mesh, config: BodySpec) -> BodyModel:
@@ -137,9 +126,8 @@ def reduce_body(
     ReducedBody
     """
     file, store = config.mesh.file, store or Store()
-    with report.stage(f"Read {file.name}"):
-        read = partial(read_mesh, file, config.mesh.units, config.shells, config.mesh.timeout)
-        mesh = store.last("mesh", repr((file.is_file() and file.stat().st_mtime_ns, config.mesh, config.shells)), read)
+    key = repr((file.is_file() and file.stat().st_mtime_ns, config.mesh, config.shells))
+    mesh = store.last("mesh", key, partial(config.read_mesh, report))
     return reduce_mesh(mesh, config, file_origin(file), report, store, levels)
 
 
@@ -397,56 +385,3 @@ def _provenance(config: BodySpec, mesh: Mesh, origin: Mapping[str, str]) -> dict
         "flexfmu_version": own_version(),
         **(chosen_modes if isinstance(config.reduction.modes, list) else {}),
     }
-
-
-def build_fmu(
-    body_file: Path | BodyFile,
-    output: Path,
-    modal_file: Path | None = None,
-    report: Reporter = SILENT,
-    store: Store | None = None,
-    runtime: Runtime = Runtime.NATIVE,
-    platforms: Sequence[str] = (),
-    fmi: int = 2,
-) -> ReducedBody:
-    """Reduce a body and write its FMU; nothing is written unless all of it succeeds.
-
-    Parameters
-    ----------
-    body_file : Path or BodyFile
-        TOML, or what it says.
-    output : Path
-        The FMU.
-    modal_file : Path, optional
-        Where to keep the modal file as well.
-    report : Reporter, optional
-        Default: silent.
-    store : Store, optional
-        Where modes and the like are kept from build to build; default: nowhere.
-    runtime : Runtime
-        What runs the body.
-    platforms : sequence of str
-        Where it runs, names of `core.building.PLATFORMS`, or "all"; default: those that this installation has.
-    fmi : int
-        Version of FMI, 2 or 3.
-
-    Returns
-    -------
-    ReducedBody
-
-    Raises
-    ------
-    FlexfmuError
-        With what was found, what was expected and what to do.
-    """
-    check_target(output, (".fmu",))
-    check_target(modal_file, (".h5",))
-    # What cannot be compiled is told before anything long begins.
-    cores_for(runtime, platforms, report, fmi)
-    body = reduce_body(read_body_file(body_file) if isinstance(body_file, Path) else body_file, report, store)
-    # The modal file takes its name once the FMU is there.
-    with report.stage(f"Write {output}"), nullcontext() if modal_file is None else whole_file(modal_file) as part:
-        if part is not None:
-            write_modal_file(body, part)
-        package_fmu(body, output, runtime, platforms, fmi=fmi)
-    return body

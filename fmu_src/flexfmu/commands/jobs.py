@@ -59,27 +59,23 @@ def build(
 ) -> None:
     """Reduce a finite element body and write its FMU; modes are kept for the next build of the same mesh."""
     from ..build.config import read_body_file
-    from ..build.reduce import build_fmu
-    from ..files.basics import NOT_MET, plural
+    from ..build.kept import build_fmu
+    from ..files.basics import NOT_MET
     from ..files.store import Store, default_folder
-    from ..study.candidates import times
-    from ..study.smallest import own_error, smallest
 
     config, share = read_body_file(body), 0.0
     target = output or Path(f"{config.name}.fmu")
     store = Store(None if fresh else default_folder())
     names = [name.strip() for name in platforms.split(",") if name.strip()]
     if tolerance:
+        from ..study.candidates import times
+        from ..study.smallest import smallest
+
         config, share = smallest(body, _share(tolerance), scene, reporter(not force), store)
-    report = reporter(not force)
-    built = build_fmu(config, target, modal_file, report, store, runtime, names, fmi)
-    for text in filter(None, [own_error(built)]):
-        report.note(text)
+    build_fmu(config, target, modal_file, reporter(not force), store, runtime, names, fmi)
     show_written(target)
-    if not tolerance:
-        return
-    size = f"{plural(built.frame_count, 'frame')}, {plural(built.mode_count, 'mode')}"
-    typer.echo(f"{size}: {times(share)} × the tolerance")
+    if tolerance:
+        typer.echo(f"{times(share)} × the tolerance")
     if share > 1.0:
         raise typer.Exit(NOT_MET)
 

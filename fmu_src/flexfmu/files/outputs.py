@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from functools import partial
 from html import escape
 from pathlib import Path
 from types import FrameType
@@ -96,6 +97,26 @@ class Stages(Reporter):
 
     def __init__(self, report: Reporter):
         self.stage, self.counted = report.stage, report.counted  # type: ignore[method-assign]
+
+
+class Heard(Stages):
+    """Hands on all that is said, and keeps it: pairs of a method's name and a text.
+
+    Parameters
+    ----------
+    report : Reporter
+        Who is told.
+    """
+
+    def __init__(self, report: Reporter):
+        super().__init__(report)
+        self.said: list[tuple[str, str]] = []
+        for kind in ("note", "detail", "warning", "doubt"):
+            setattr(self, kind, partial(self._hear, kind, getattr(report, kind)))
+
+    def _hear(self, kind: str, say: Callable[[str], None], text: str) -> None:
+        self.said.append((kind, text))
+        say(text)
 
 
 class Tentative(Stages):

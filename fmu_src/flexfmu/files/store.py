@@ -9,8 +9,9 @@ import os
 import sys
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from .basics import FloatArray
-from .outputs import Reporter, whole_file
+from .outputs import Reporter, fields_of, whole_file
 
 _PACKAGE, _CODE = __name__.partition(".")[0], (".py", ".c", ".h", ".def")
 _ROOT = Path(__file__).parents[2]
@@ -74,13 +75,28 @@ def content_key(made_by: str, *parts: object) -> str:
 
 def _hash(*parts: object) -> str:
     digest = hashlib.sha256()
-    for part in parts:
+    for part in _flat(parts):
         if isinstance(part, np.ndarray):
             digest.update(f"\0{part.dtype.str}{part.shape}\0".encode())
             digest.update(np.ascontiguousarray(part).data)
         else:
             digest.update(f"\0{part!r}\0".encode())
     return digest.hexdigest()
+
+
+def _flat(part: Any) -> Iterator[Any]:
+    """Arrays and plain values that something is made of: dataclasses, tables, tuples and sparse matrices are."""
+    if hasattr(part, "indptr"):
+        part = part.shape, part.data, part.indices, part.indptr
+    elif is_dataclass(part):
+        # As it was made: nothing is found for the key's sake.
+        held = getattr(part, "__dict__", None) or fields_of(part)
+        part = tuple(held[one.name] for one in fields(part))
+    elif isinstance(part, Mapping):
+        part = tuple(part.items())
+    elif isinstance(part, bytes):
+        part = np.frombuffer(part, np.uint8)
+    yield from (len(part), *(one for inner in part for one in _flat(inner))) if isinstance(part, tuple) else (part,)
 
 
 def _checksum(key: str, arrays: Mapping[str, FloatArray]) -> str:

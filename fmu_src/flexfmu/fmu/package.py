@@ -10,16 +10,14 @@ import uuid
 import zipfile
 from collections.abc import Sequence
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 
 from ..core.binaries import core_binaries
 from ..core.building import FLAGS, PLATFORMS, folders_3, prefix_header, source_files, sources as core_sources
 from ..files.basics import PackagingError
 from ..files.outputs import Reporter, check_target, whole_file
-from ..model.modal_file import modal_bytes
 from ..model.reduced_body import ReducedBody
-from ..program.compile import programs, with_guid
-from .description import files_3, model_description
 from .reading import DESCRIPTION, MODAL_FILE, modal_mark
 from .runtime import Runtime
 
@@ -60,13 +58,21 @@ def package_fmu(
         There is no core for a platform, and none can be made.
     """
     check_target(output, (".fmu",))
-    contents = _contents(body, runtime, cores_for(runtime, platforms, report, fmi), fmi)
-    with whole_file(output) as part, zipfile.ZipFile(part, "w") as archive:
-        for name, data in sorted(contents.items()):
+    data = fmu_bytes(body, runtime, cores_for(runtime, platforms, report, fmi), fmi)
+    with whole_file(output) as part:
+        part.write_bytes(data)
+
+
+def fmu_bytes(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi: int) -> bytes:
+    """The FMU of a body with cores of `cores_for`."""
+    whole = BytesIO()
+    with zipfile.ZipFile(whole, "w") as archive:
+        for name, data in sorted(_contents(body, runtime, cores, fmi).items()):
             entry = zipfile.ZipInfo(name, _DATE)
             # Libraries can be loaded where the unpacking program keeps permissions.
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, data, zipfile.ZIP_DEFLATED, _LEVEL if len(data) > _LARGE else None)
+    return whole.getvalue()
 
 
 def cores_for(runtime: Runtime, platforms: Sequence[str], report: Reporter | None, fmi: int) -> dict[str, bytes]:
@@ -114,11 +120,17 @@ def _pythonfmu() -> tuple[Path, Path]:
 
 def _descriptions(body: ReducedBody, runtime: Runtime, guid: str, fmi: int) -> dict[str, bytes]:
     """What describes the FMU, by its names in the archive."""
+    from .description import files_3, model_description
+
     return files_3(body, guid) if fmi == 3 else {DESCRIPTION: model_description(body, guid, runtime)}
 
 
 def _contents(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi: int) -> dict[str, bytes]:
     """Every file of the archive by its name."""
+    # Who has the FMU from an earlier build needs none of this.
+    from ..model.modal_file import modal_bytes
+    from ..program.compile import programs, with_guid
+
     modal, made, code, sources = modal_bytes(body), programs(body), dict[str, bytes](), dict[str, bytes]()
     if runtime is Runtime.NATIVE:
         binaries = {

@@ -9,7 +9,6 @@ from pathlib import Path
 from ..core.interface import DESCRIPTION as PROGRAM, guid_of
 from ..files.basics import ContentsError, ModalFileError, PackagingError
 from ..files.tables import Kind, check_input
-from ..model.modal_file import read_modal_file
 from ..model.reduced_body import ReducedBody
 from .python_slave import guid_in
 
@@ -42,6 +41,8 @@ def read_packaged_body(path: Path) -> ReducedBody:
     ModalFileError
         The modal file is missing, damaged, altered or of an unknown version.
     """
+    from ..model.modal_file import read_modal_file
+
     check_input(path, PackagingError, Kind.FMU, Kind.MODAL)
     if not zipfile.is_zipfile(path):
         if path.suffix.lower() == ".fmu":

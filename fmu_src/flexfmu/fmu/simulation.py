@@ -9,16 +9,8 @@ import numpy as np
 from fmpy.model_description import ModelDescription, ScalarVariable
 from numpy.typing import NDArray
 
-from ..files.basics import (
-    MOST_VALUES,
-    FloatArray,
-    SimulationError,
-    StoppedError,
-    keeping_partial,
-    metres,
-    nearest,
-    plural,
-)
+from ..files import basics
+from ..files.basics import FloatArray, SimulationError, plural
 from ..files.outputs import SILENT, Reporter, check_target, ends_on_interrupt
 from ..files.tables import Kind, check_input, number, read_table, write_table
 from ..program.variable_table import STEP_TOLERANCE
@@ -176,7 +168,7 @@ class _Run:
         # fmpy records the state before a refused step once more.
         result = result[np.append(True, np.diff(result[:, 0]) > 0.0)]
         words = f"{self._fmu.name} stopped at {result[-1, 0]:.9g} s of {self._end:g} s: {why}"
-        return StoppedError(words, (self._outputs, result), interrupted)
+        return basics.StoppedError(words, (self._outputs, result), interrupted)
 
 
 def _span(
@@ -236,7 +228,7 @@ def _columns(result: NDArray[np.void], outputs: Sequence[str]) -> FloatArray:
 
 def _check_size(start: float, end: float, interval: float, columns: int) -> None:
     """Refuse a run whose results are more than can be kept, before it begins."""
-    steps, most = (end - start) / interval, MOST_VALUES / columns
+    steps, most = (end - start) / interval, basics.MOST_VALUES / columns
     if steps > most:
         raise SimulationError(
             f"from {start:g} s to {end:g} s in steps of {interval:g} s are {steps:.3g} steps of {columns} values each, "
@@ -255,9 +247,9 @@ def _known(description: ModelDescription, causality: str, names: Iterable[str], 
         if name in every and every[name].causality == "input":
             help_ = "it is an input: give it a column of the table of loads"
         elif name in every:
-            help_ = f"it is of causality {every[name].causality}; {nearest('', [v.name for v in there])}"
+            help_ = f"it is of causality {every[name].causality}; {basics.nearest('', [v.name for v in there])}"
         else:
-            help_ = nearest(name, [v.name for v in there])
+            help_ = basics.nearest(name, [v.name for v in there])
         raise SimulationError(f"{name!r} is no {causality} of {fmu.name}; {help_}")
     return there
 
@@ -320,7 +312,7 @@ def simulate_csv(
     """
     check_target(output, (".csv",), inputs=(fmu, loads))
     names, values = read_table(loads)
-    with keeping_partial(output, lambda path, came: write_table(path, *came)):
+    with basics.keeping_partial(output, lambda path, came: write_table(path, *came)):
         outputs, result = simulate(fmu, names, values, step=step, stop=stop, parameters=parameters, report=report)
     write_table(output, outputs, result)
     return outputs, result
@@ -342,7 +334,7 @@ def outcome(names: Sequence[str], result: FloatArray, warnings: int) -> str:
     str
     """
     found = []
-    for quantity, words in (("displacement", metres), ("rotation", lambda value: f"{np.degrees(value):.4g}°")):
+    for quantity, words in (("displacement", basics.metres), ("rotation", lambda value: f"{np.degrees(value):.4g}°")):
         lengths: list[tuple[float, str, float]] = []
         for interface in dict.fromkeys(name.split(".")[0] for name in names if f".{quantity}." in name):
             columns = [1 + names.index(f"{interface}.{quantity}.{axis}") for axis in "xyz"]

@@ -13,8 +13,8 @@ from math import pi, tanh
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
+from ..files import sparse as sp
 from ..files.basics import BoolArray, FloatArray, IntArray, MeshError, listed
 from .elements import ElementBlock
 from .equations import RigidLink, Row, matrix_of, merged
@@ -273,7 +273,7 @@ def with_beams(
     return result, np.concatenate([turning[kept], np.zeros((count - kept.size, 3), dtype=bool)])
 
 
-def _shares(row: IntArray, every: IntArray, corners: IntArray, count: int) -> sp.coo_array:
+def _shares(row: IntArray, every: IntArray, corners: IntArray, count: int) -> "sp.coo_array":
     """Displacements of nodes by those of points (3n, 3 count): their own where they have a row, else their corners'."""
     kept, alone = np.flatnonzero(row >= 0), row[every] < 0
     places = np.concatenate([kept, np.repeat(every[alone], 4)]), np.concatenate([row[kept], corners[alone].ravel()])

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy import sparse
 
+from flexfmu.files import sparse as sp
 from flexfmu.files.basics import UNITS, BoolArray, FloatArray, IntArray, MeshError, UnitSystem, listed
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.equations import RigidLink, coupled_nodes, merged, without
@@ -114,11 +114,11 @@ def without_mechanisms(mesh: Mesh) -> Mesh:
     return replace(mesh, blocks=tuple(blocks), element_sets=sets, notes=(*mesh.notes, note))
 
 
-def nodes_of_elements(mesh: Mesh) -> sparse.csr_array:
+def nodes_of_elements(mesh: Mesh) -> "sp.csr_array":
     """Which nodes each element has, ones (e, n)."""
     columns = np.concatenate([np.zeros(0, int), *(block.connectivity.ravel() for block in mesh.blocks)])
     ends = np.cumsum(np.concatenate([[0], *([block.type.node_count] * len(block.labels) for block in mesh.blocks)]))
-    return sparse.csr_array((np.ones(columns.size), columns, ends), shape=(mesh.element_count, len(mesh.points)))
+    return sp.csr_array((np.ones(columns.size), columns, ends), shape=(mesh.element_count, len(mesh.points)))
 
 
 def connected_parts(mesh: Mesh) -> IntArray:
@@ -134,19 +134,17 @@ def connected_parts(mesh: Mesh) -> IntArray:
         Counted from zero without gaps. A node that no element uses is a part of its own.
     """
     uses = nodes_of_elements(mesh)
-    graph = sparse.block_array(
-        [[coupled_nodes(mesh.equations), None], [uses, sparse.csr_array((len(uses.indptr) - 1,) * 2)]]
-    )
+    graph = sp.block_array([[coupled_nodes(mesh.equations), None], [uses, sp.csr_array((len(uses.indptr) - 1,) * 2)]])
     # Nodes and elements are the graph's vertices: far fewer edges than between the nodes themselves.
-    _, parts = sparse.csgraph.connected_components(graph, directed=False)
+    _, parts = sp.csgraph.connected_components(graph, directed=False)
     _, numbered = np.unique(parts[: len(mesh.points)], return_inverse=True)
     return numbered.astype(np.int64)
 
 
 def linked_pieces(pairs: IntArray, count: int) -> IntArray:
     """Number (count,) of the connected piece of each of some things, by pairs (k, 2) that hang together."""
-    graph = sparse.coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
-    return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)
+    graph = sp.coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
+    return np.asarray(sp.csgraph.connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def jacobian_determinants(points: FloatArray, block: ElementBlock) -> FloatArray:
@@ -200,7 +198,7 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
     if emptied := [name for name, left in node_sets.items() if len(mesh.node_sets[name]) and not len(left)]:
         notes.append(f"node sets that hold none but such nodes are empty now: {listed(emptied)}")
     # What the file holds of such a node is zero, the rest of it is eliminated.
-    kept = mesh.equations @ sparse.diags_array((~(mesh.fixed & ~used[:, None])).ravel().astype(float))
+    kept = mesh.equations @ sp.diags_array((~(mesh.fixed & ~used[:, None])).ravel().astype(float))
     return replace(
         mesh,
         points=mesh.points[used],
@@ -209,7 +207,7 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
         node_sets=node_sets,
         fixed=mesh.fixed[used],
         notes=(*mesh.notes, *notes),
-        equations=sparse.csr_array(without(kept, np.repeat(~used, 3))[:, np.repeat(used, 3)]),
+        equations=sp.csr_array(without(kept, np.repeat(~used, 3))[:, np.repeat(used, 3)]),
         **hung(mesh, lambda nodes: rows[nodes[used[nodes]]]),
         # A reference point that several have makes one of them.
         links=tuple(

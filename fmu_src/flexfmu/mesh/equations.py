@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
+from ..files import sparse as sp
 from ..files.basics import BoolArray, FloatArray, IntArray
 
 Row = dict[int, float]
@@ -40,7 +39,7 @@ def middles(faces: IntArray, nodes: IntArray) -> list[Row]:
     ]
 
 
-def matrix_of(rows: Sequence[Mapping[int, float]], size: int) -> sp.csr_array:
+def matrix_of(rows: Sequence[Mapping[int, float]], size: int) -> "sp.csr_array":
     """Matrix (r, size) of equations.
 
     Parameters
@@ -60,7 +59,7 @@ def matrix_of(rows: Sequence[Mapping[int, float]], size: int) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((value, (place, unknown)), shape=(len(rows), size)))
 
 
-def without(equations: sp.csr_array, gone: BoolArray) -> sp.csr_array:
+def without(equations: "sp.csr_array", gone: BoolArray) -> "sp.csr_array":
     """What equations say of the other unknowns once some are eliminated, which nothing else determines.
 
     Parameters
@@ -94,7 +93,7 @@ def without(equations: sp.csr_array, gone: BoolArray) -> sp.csr_array:
     return matrix_of([row for row in rows.values() if row], equations.shape[1])
 
 
-def solved(equations: sp.csr_array) -> tuple[IntArray, sp.csr_array]:
+def solved(equations: "sp.csr_array") -> tuple[IntArray, "sp.csr_array"]:
     """Solve equations for one unknown each.
 
     Parameters
@@ -136,7 +135,7 @@ def solved(equations: sp.csr_array) -> tuple[IntArray, sp.csr_array]:
     return dependent, matrix
 
 
-def coupled_nodes(equations: sp.csr_array) -> sp.csr_array:
+def coupled_nodes(equations: "sp.csr_array") -> "sp.csr_array":
     """Nodes that stand in an equation together.
 
     Parameters
@@ -157,7 +156,7 @@ def coupled_nodes(equations: sp.csr_array) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((ones, (pairs.row[apart], pairs.col[apart])), shape=pairs.shape))
 
 
-def _rows(equations: sp.csr_array) -> list[Row]:
+def _rows(equations: "sp.csr_array") -> list[Row]:
     starts, keys, values = equations.indptr, equations.indices.tolist(), equations.data.tolist()
     found = []
     for first, end in pairwise(starts.tolist()):
@@ -243,12 +242,12 @@ def merged(links: Sequence[RigidLink], joining: BoolArray) -> tuple[RigidLink, .
         return tuple(links)
     number, node = np.array(pairs).T
     uses = sp.csr_array((np.ones(len(pairs)), (number, node)), shape=(len(links), joining.size))
-    count, group = connected_components(uses @ uses.T, directed=False)
+    count, group = sp.csgraph.connected_components(uses @ uses.T, directed=False)
     together = [[links[k] for k in np.flatnonzero(group == one).tolist()] for one in range(count)]
     return tuple(RigidLink(some[0].name, np.unique(np.concatenate([link.nodes for link in some]))) for some in together)
 
 
-def recognised(points: FloatArray, equations: sp.csr_array) -> tuple[tuple[RigidLink, ...], sp.csr_array]:
+def recognised(points: FloatArray, equations: "sp.csr_array") -> tuple[tuple[RigidLink, ...], "sp.csr_array"]:
     """Find the nodes that equations make one rigid body, linearly.
 
     Parameters
@@ -267,7 +266,7 @@ def recognised(points: FloatArray, equations: sp.csr_array) -> tuple[tuple[Rigid
     node = sp.csr_array((np.ones(entry.nnz), (entry.row, entry.col // 3)), shape=(len(of_rigid), len(points)))
     kept, links = np.ones(len(of_rigid), dtype=bool), []
     candidate = np.flatnonzero(of_rigid)
-    _, group = connected_components(sp.csr_array(node[candidate] @ node[candidate].T), directed=False)
+    _, group = sp.csgraph.connected_components(sp.csr_array(node[candidate] @ node[candidate].T), directed=False)
     for number in np.unique(group[stretched[candidate]]).tolist():
         rows = candidate[group == number]
         nodes = np.unique(node[rows].indices)
@@ -282,7 +281,7 @@ def recognised(points: FloatArray, equations: sp.csr_array) -> tuple[tuple[Rigid
     return tuple(links), sp.csr_array(equations[np.flatnonzero(kept)])
 
 
-def effects(points: FloatArray, equations: sp.csr_array) -> tuple[BoolArray, BoolArray]:
+def effects(points: FloatArray, equations: "sp.csr_array") -> tuple[BoolArray, BoolArray]:
     """Which equations (r,) rigid motions fulfil at first order, and which of these no stretch does."""
     centred = points - points.mean(axis=0)
     fields = np.zeros((len(points), 3, 3, 4))

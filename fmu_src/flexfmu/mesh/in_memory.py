@@ -201,7 +201,7 @@ def from_contents(contents: Contents, title: str, units: UnitSystem) -> Mesh:
         masses=contents.masses,
         springs=contents.springs,
         links=contents.links,
-        equations=matrix_of(contents.equations, 3 * len(points)),
+        equations=matrix_of(contents.equations, 3 * len(points)) if contents.equations else None,
     )
     return _filled(mesh, contents, units.length * heights, solids)
 

@@ -3,20 +3,19 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cached_property, partial, wraps
+from functools import cached_property, wraps
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from flexfmu.files import sparse as sp
 from flexfmu.files.basics import BoolArray, FloatArray, IntArray, UnitSystem, listed
 from flexfmu.mesh.elements import ElementBlock, FaceBlock, by_block, faces_of, volume_matrices
 from flexfmu.mesh.equations import RigidLink, Simplices
 from flexfmu.mesh.shapes import BRICK
 
 F = TypeVar("F", bound=Callable[..., Any])
-_no_equations = partial(sp.csr_array, (0, 0))
 NO_MATERIAL = -1
 SECTION_SHARES = 0.5 * np.array([[1.0, x, y, x * y] for x, y in BRICK.corners[:4, :2].tolist()])
 """Displacements of the corners of a beam's section by their mean, both slopes and twist."""
@@ -244,6 +243,22 @@ def springs_note(springs: Sequence[SpringDamper]) -> list[str]:
     return notes
 
 
+class _Rows:
+    """Equations of a mesh, or None: then they are none, as wide as others, and made only where they are asked for."""
+
+    def __init__(self, name: str):
+        self._name = name
+
+    def __set__(self, mesh: "Mesh", rows: "sp.csr_array | None") -> None:
+        vars(mesh)[self._name] = rows if rows is not None and rows.shape[0] else None
+
+    def __get__(self, mesh: "Mesh | None", _: type) -> "sp.csr_array | None":
+        return mesh and (sp.csr_array((0, mesh.points.size)) if (rows := vars(mesh)[self._name]) is None else rows)
+
+
+_EQUATIONS, _SUPPORTS = _Rows("equations"), _Rows("supports")
+
+
 @dataclass(frozen=True, repr=False)
 class Mesh:
     """A body's mesh; what follows from its nodes and elements alone is found once.
@@ -287,18 +302,12 @@ class Mesh:
     fixed: BoolArray
     notes: tuple[str, ...] = ()
     references: Mapping[str, FloatArray] = field(default_factory=dict)
-    equations: sp.csr_array = field(default_factory=_no_equations)
+    equations: "sp.csr_array" = _EQUATIONS
     masses: tuple[PointMass, ...] = ()
     links: tuple[RigidLink, ...] = ()
     simplices: tuple[Simplices, ...] = ()
-    supports: sp.csr_array = field(default_factory=_no_equations)
+    supports: "sp.csr_array" = _SUPPORTS
     springs: tuple[SpringDamper, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Let no equations be as wide as others."""
-        for name in ("equations", "supports"):
-            if not getattr(self, name).shape[0]:
-                object.__setattr__(self, name, sp.csr_array((0, self.points.size)))
 
     def __repr__(self) -> str:
         """Size, kinds of elements, sets."""

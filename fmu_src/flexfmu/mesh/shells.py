@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
+from ..files import sparse as sp
 from ..files.basics import BoolArray, FloatArray, IntArray, MeshError
 from .elements import ElementBlock, ElementType
 from .equations import MIDDLE, RigidLink, Row, matrix_of, middles, moved_by
@@ -200,7 +200,7 @@ def _with_centres(mesh: Mesh, turning: BoolArray) -> tuple[Mesh, BoolArray]:
     def held(nodes: IntArray) -> IntArray:
         return np.concatenate([nodes, count + np.flatnonzero(np.isin(every, nodes).all(axis=1))])
 
-    def wider(rows: sp.csr_array) -> sp.csr_array:
+    def wider(rows: "sp.csr_array") -> "sp.csr_array":
         return sp.csr_array((rows.data, rows.indices, rows.indptr), (rows.shape[0], 3 * total))
 
     total = count + len(every)
@@ -382,7 +382,7 @@ def _tied(ties: Sequence[OfShell], points: FloatArray, lines: _Lines, row: IntAr
     return tie_rows(moved, points, carried, through)
 
 
-def _on_lines(equations: sp.csr_array, row: IntArray, lines: _Lines, count: int) -> sp.csr_array:
+def _on_lines(equations: "sp.csr_array", row: IntArray, lines: _Lines, count: int) -> "sp.csr_array":
     """Equations of displacements of nodes as ones of those of the ends of lines."""
     node, first = np.unique(lines.node, return_index=True)
     node, first = node[row[node] < 0], first[row[node] < 0]

@@ -18,16 +18,9 @@ from itertools import combinations_with_replacement, permutations, zip_longest
 
 import numpy as np
 
+from ..fe import gradients
 from ..fe.assembly import stiffness
 from ..fe.factorisation import solver_name
-from ..fe.gradients import (
-    geometric_stiffness,
-    mean_spin,
-    own_spin,
-    quadratic_strain,
-    stress_stiffness,
-    stressed_gradients,
-)
 from ..files.basics import FloatArray
 from ..files.outputs import Reporter, tell_nobody
 from ..files.store import Store, content_key
@@ -208,7 +201,7 @@ def stiffness_by_load(matrices: Matrices, modes: Modes, modes_key: str, loads: F
         every = np.hstack([loads, -model.inertia]) if heavy else loads
         with matrices.report.stage(f"Geometric stiffness of {every.shape[1]} unit loads"):
             fields = model.whole(model.static(model.forces(every)))
-            return geometric_stiffness(matrices.model.mesh, fields, modes.shapes)
+            return gradients.geometric_stiffness(matrices.model.mesh, fields, modes.shapes)
 
     return matrices.kept(content_key(__name__, "by load", modes_key, loads, heavy), "geometric stiffness by load", make)
 
@@ -218,7 +211,7 @@ def stiffness_by_mode(matrices: Matrices, modes: Modes, modes_key: str) -> Float
 
     def make() -> FloatArray:
         with matrices.report.stage(f"Geometric stiffness of {modes.shapes.shape[1]} modes"):
-            return geometric_stiffness(matrices.model.mesh, modes.shapes, modes.shapes)
+            return gradients.geometric_stiffness(matrices.model.mesh, modes.shapes, modes.shapes)
 
     return matrices.kept(content_key(__name__, "by mode", modes_key), "geometric stiffness by mode", make)
 
@@ -329,9 +322,10 @@ def turning_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
         return np.zeros((len(loads), 0))
     fields, energy = softest_motions(matrices, loads)
     pairs = np.array(list(combinations_with_replacement(range(fields.shape[1]), 2)))
-    forces, held = quadratic_strain(mesh, fields, pairs, tell_nobody)
+    forces, held = gradients.quadratic_strain(mesh, fields, pairs, tell_nobody)
     answer = model.static(model.forces(forces))
-    spin, stretch = mean_spin(mesh, model.whole(answer)), 0.5 * (held - model.forces(forces).T @ answer).diagonal()
+    spin = gradients.mean_spin(mesh, model.whole(answer))
+    stretch = 0.5 * (held - model.forces(forces).T @ answer).diagonal()
     tense = stretch > TENSE * np.sqrt(energy[pairs].prod(axis=1))
     enough = tense & (spin.diagonal() > (TURNING * _TURN**2) ** 2)
     turned, axes = np.linalg.eigh(spin)
@@ -375,7 +369,7 @@ def _by_interface(matrices: Matrices, loads: FloatArray, stiff: float = _STIFFER
         fields, energy = softest_motions(matrices, loads[:, own], stiff)
         known = own.size == loads.shape[1] and softest_motions(matrices, loads)[1].size
         if energy.size > known:
-            first = energy[0] * _OWN_TURN**2 / own_spin(matrices.model.mesh, fields[:, :1])
+            first = energy[0] * _OWN_TURN**2 / gradients.own_spin(matrices.model.mesh, fields[:, :1])
             yield fields * np.sqrt(first / energy), np.full(energy.size, first)
 
 
@@ -389,7 +383,7 @@ def softest_motions(matrices: Matrices, loads: FloatArray, stiff: float = _STIFF
     values, axes = np.linalg.eigh(stiffness / np.outer(size, size))
     kept = values > _DEPENDENT * values[-1]
     fields = model.whole(found @ (axes[:, kept] / np.sqrt(values[kept]) / size[:, None]))
-    turned, axes = np.linalg.eigh(mean_spin(matrices.model.mesh, fields))
+    turned, axes = np.linalg.eigh(gradients.mean_spin(matrices.model.mesh, fields))
     chosen = np.flatnonzero(turned > stiff * turned[-1])[::-1][:_MOTIONS]
     scale = _TURN / np.sqrt(turned[chosen])
     # Their squares are twice the energy: the fields had a half of one.
@@ -401,8 +395,8 @@ def _forces(matrices: Matrices, fields: FloatArray, energy: FloatArray) -> Float
     model, mesh = matrices.supported, matrices.model.mesh
     every = range(fields.shape[1])
     pairs = np.array(list(combinations_with_replacement(every, 2)))
-    responses = -model.static(model.forces(quadratic_strain(mesh, fields, pairs, tell_nobody)[0]))
-    pulled = stressed_gradients(mesh, fields, model.whole(responses), pairs)
+    responses = -model.static(model.forces(gradients.quadratic_strain(mesh, fields, pairs, tell_nobody)[0]))
+    pulled = gradients.stressed_gradients(mesh, fields, model.whole(responses), pairs)
     # Polynomials of second and third order: what belongs to one product of amplitudes, over its number of orders.
     found: dict[tuple[int, ...], FloatArray] = {}
     for a in every:
@@ -465,7 +459,7 @@ def _buckled_shapes(matrices: Matrices, motion: FloatArray) -> FloatArray:
     Block Lanczos iteration with K⁻¹K_σ, orthogonal in strain energy.
     """
     model, most = matrices.supported, _BLOCK * _ROUNDS[1]
-    stress = model.unknowns.matrix(model.unknowns.in_means(stress_stiffness(matrices.model.mesh, motion)))
+    stress = model.unknowns.matrix(model.unknowns.in_means(gradients.stress_stiffness(matrices.model.mesh, motion)))
     spanned, held, work = *np.zeros((2, most, model.free.size)).swapaxes(1, 2), np.zeros((most, most))
     block = model.static(np.random.default_rng(_SEED).standard_normal((model.free.size, _BLOCK)))
     force, inverse, ended = model.stiffness @ block, np.zeros(1), 0

@@ -11,33 +11,18 @@ from ..files.basics import MOST_FRAMES, BodyFileError, FloatArray, IntArray
 from ..mesh.model import Mesh
 from ..model.methods import Data, Method, Variant
 from ..model.reduced_body import GROUND, ReducedBody, WholeFrame
+from . import subdomains as domains
 from .division import Joints, divide, divide_branches, open_loops
 from .model import Model
 from .options import Basis, BodyOptions, BodyUse, BranchJoints, InterfaceNodes, Nodes, node_set, reference
 from .rigid_fit import Weighted, by_node, rigid_fit
-from .subdomains import (
-    FrameOperators,
-    FrameRequest,
-    Subdomain,
-    carrying_frame,
-    division_warnings,
-    elements_within,
-    floating_frame,
-    frame_operators,
-    hinge_frame,
-    mean_rotation,
-    on_floating_frame,
-    requested_subdomains,
-    section,
-    volume_weighted,
-)
 from .supported import Supported
 
 # Of a body that nothing holds.
 _RIGID_MOTIONS = 6
 
 
-def body_subdomains(config: BodyOptions, model: Model) -> tuple[list[Subdomain], tuple[str, ...]]:
+def body_subdomains(config: BodyOptions, model: Model) -> tuple[list[domains.Subdomain], tuple[str, ...]]:
     """Frames by hand or by themselves; those of a free body hang on a floating one.
 
     Parameters
@@ -66,19 +51,19 @@ def body_subdomains(config: BodyOptions, model: Model) -> tuple[list[Subdomain],
             for b in config.branches
         ]
         division = divide_branches(mesh, anchored, branches)
-        return top + on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
+        return top + domains.on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
     if not config.frames:
         if config.levels == 0:
             return top, ()
         division = divide(mesh, anchored, config.levels)
         advice = _advised(division.cuts) if config.levels_asked else ()
-        return top + on_floating_frame(division.subdomains, len(top)), advice
-    subdomains = requested_subdomains(mesh, held, frame_requests(config, mesh))
-    warnings = division_warnings(mesh, subdomains) + _advised(open_loops(mesh, subdomains))
-    return top + on_floating_frame(subdomains, len(top)), warnings
+        return top + domains.on_floating_frame(division.subdomains, len(top)), advice
+    subdomains = domains.requested_subdomains(mesh, held, frame_requests(config, mesh))
+    warnings = domains.division_warnings(mesh, subdomains) + _advised(open_loops(mesh, subdomains))
+    return top + domains.on_floating_frame(subdomains, len(top)), warnings
 
 
-def frame_requests(config: BodyOptions, mesh: Mesh) -> list[FrameRequest]:
+def frame_requests(config: BodyOptions, mesh: Mesh) -> list[domains.FrameRequest]:
     """Frames by hand, with the nodes of their sets."""
     requests = []
     for table in config.frames:
@@ -90,7 +75,7 @@ def frame_requests(config: BodyOptions, mesh: Mesh) -> list[FrameRequest]:
         nodes = node_set(mesh, table.nodes, f"frame {table.name!r}, nodes")
         key = f"frame {table.name!r}, rotation_points"
         points = tuple(node_set(mesh, name, key) for name in table.rotation_points)
-        requests.append(FrameRequest(table.name, nodes, joint, table.parent, points))
+        requests.append(domains.FrameRequest(table.name, nodes, joint, table.parent, points))
     return requests
 
 
@@ -99,13 +84,13 @@ def is_free(model: Model) -> bool:
     return bool(model.rigid.shape[1] == _RIGID_MOTIONS)
 
 
-def root_frame(model: Model) -> list[Subdomain]:
+def root_frame(model: Model) -> list[domains.Subdomain]:
     """The frame that turns with a body that is free to turn; none for others."""
     if is_free(model):
-        return [floating_frame(model.mesh)]
+        return [domains.floating_frame(model.mesh)]
     if not model.rigid.shape[1]:
         return []
-    found = hinge_frame(model.mesh, model.rigid, np.asarray(model.fixed.all(axis=1)))
+    found = domains.hinge_frame(model.mesh, model.rigid, np.asarray(model.fixed.all(axis=1)))
     return [] if found is None else [found]
 
 
@@ -123,7 +108,7 @@ def _advised(loops: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def several(subdomains: list[Subdomain]) -> bool:
+def several(subdomains: list[domains.Subdomain]) -> bool:
     """Whether there is more than one frame beside a floating one."""
     return sum(not domain.floating for domain in subdomains) > 1
 
@@ -131,11 +116,12 @@ def several(subdomains: list[Subdomain]) -> bool:
 def whole_frame(model: Model, shapes: FloatArray, config: BodyOptions) -> WholeFrame:
     """A frame for the whole body about its supports, to be compared with the tree."""
     mesh = model.mesh
-    body = volume_weighted(mesh, mesh.volume_matrices, np.arange(mesh.element_count))
-    joint = section(mesh, hanging(model, config))
+    body = domains.volume_weighted(mesh, mesh.volume_matrices, np.arange(mesh.element_count))
+    joint = domains.section(mesh, hanging(model, config))
     every = np.arange(mesh.element_count)
-    domain = Subdomain("whole", GROUND, every, body, mean_rotation(mesh, every), joint, joint.centre(mesh.points))
-    found = frame_operators(mesh.points, shapes, [domain])
+    turned, centre = domains.mean_rotation(mesh, every), joint.centre(mesh.points)
+    domain = domains.Subdomain("whole", GROUND, every, body, turned, joint, centre)
+    found = domains.frame_operators(mesh.points, shapes, [domain])
     operators = found.joint_displacement[0], found.joint_rotation[0], found.frame_rotation[0]
     return WholeFrame(domain.joint_point, *operators)
 
@@ -197,7 +183,7 @@ class InterfaceFit:
         return result.reshape(-1, 6)
 
 
-def fit_interface(table: InterfaceNodes, mesh: Mesh, subdomains: Sequence[Subdomain]) -> InterfaceFit:
+def fit_interface(table: InterfaceNodes, mesh: Mesh, subdomains: Sequence[domains.Subdomain]) -> InterfaceFit:
     """Fit an interface of the body file.
 
     Parameters
@@ -234,14 +220,15 @@ def fit_interface(table: InterfaceNodes, mesh: Mesh, subdomains: Sequence[Subdom
             "point, which tells no rotation and takes no moment; give the interface at least three nodes off a line"
         )
     added, by_area = np.setdiff1d(weighted.nodes, nodes), weighted.weight.nnz > weighted.nodes.size
-    return InterfaceFit(table.name, point, weighted.nodes, added, operator, by_area, carrying_frame(subdomains, nodes))
+    frame = domains.carrying_frame(subdomains, nodes)
+    return InterfaceFit(table.name, point, weighted.nodes, added, operator, by_area, frame)
 
 
 def _weighted(table: InterfaceNodes, mesh: Mesh, nodes: IntArray) -> Weighted:
     if table.weights == "node":
         return by_node(nodes)
     # A section inside the body is an area too; a set that holds whole elements is a piece of it.
-    for outer in (True, False) if not elements_within(mesh, nodes).size else (True,):
+    for outer in (True, False) if not domains.elements_within(mesh, nodes).size else (True,):
         faces = select(mesh.faces, nodes, outer=outer)
         covered = np.unique(np.concatenate([nodes[:0], *(block.ravel() for block in faces)]))
         # An edge of shells across a joint holds the knot's other lines, too: of no face here, and rigid with it.
@@ -262,8 +249,8 @@ def motion_of_tree(
     angular_frequency: FloatArray,
     shapes: FloatArray,
     interfaces: Sequence[InterfaceFit],
-    subdomains: Sequence[Subdomain],
-    frames: FrameOperators,
+    subdomains: Sequence[domains.Subdomain],
+    frames: domains.FrameOperators,
 ) -> dict[str, Any]:
     """How interfaces and frames move with mode shapes (3n, m): fields of `ReducedBody` by name."""
     moved = np.array([interface.motion(shapes) for interface in interfaces])
@@ -355,7 +342,7 @@ FINER = 2
 THIRD = {False: (1e-3, (6, 4)), True: (1e-4, (12, 8))}
 
 
-def shadow_options(config: BodyOptions, subdomains: Sequence[Subdomain]) -> BodyOptions:
+def shadow_options(config: BodyOptions, subdomains: Sequence[domains.Subdomain]) -> BodyOptions:
     """Options of the shadow: second order and stretching, and twice the frames, all of them levels.
 
     One frame that was taken by itself stays one: more would open a loop, or lie on joints that tell nothing.

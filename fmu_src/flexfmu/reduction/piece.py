@@ -16,30 +16,7 @@ from ..mesh.model import Mesh
 from ..model.inertia import LumpedMass, Membrane
 from ..model.methods import Data, Mass, has_frames
 from ..model.reduced_body import GROUND, ReducedBody, SecondOrder, Shadow, StressSet, Surface, Ties
-from .basis import (
-    Matrices,
-    buckling_loads,
-    completed_basis,
-    modal_basis,
-    stiffness_by_load,
-    stiffness_by_mode,
-    third_order_loads,
-    turning_loads,
-    with_third_order,
-)
-from .bodies import (
-    THIRD,
-    InterfaceFit,
-    body_subdomains,
-    embedding,
-    fit_interface,
-    fixable_root,
-    made_body,
-    motion_of_tree,
-    several,
-    shadow_options,
-    whole_frame,
-)
+from . import basis as bases, bodies
 from .cut.cut import Spring, ground_springs
 from .masses import Centre, element_lumps, lumped_mass, mass_centres, sub_masses
 from .membrane import Stretching, completed_body, membrane_energy
@@ -105,7 +82,7 @@ class _Divided:
     config: BodyOptions
     model: Model
     subdomains: list[Subdomain]
-    interfaces: list[InterfaceFit]
+    interfaces: list[bodies.InterfaceFit]
     open_loops: bool
     springs: Sequence[Spring]
     cut: bool
@@ -120,7 +97,7 @@ class _Divided:
 class _Basis:
     """The modes of a divided model, and how its frames move with them; and whether their stretches are found."""
 
-    matrices: Matrices
+    matrices: bases.Matrices
     modes: Modes
     key: str
     frames: FrameOperators
@@ -165,20 +142,20 @@ def reduced_piece(
     """
     cut = warping is not None
     divided = _divided(config, model, report, springs, cut)
-    matrices, loads = Matrices(model, report, store), divided.unit_loads()
+    matrices, loads = bases.Matrices(model, report, store), divided.unit_loads()
     warping = np.zeros((len(loads), 0)) if warping is None else warping
     every = np.hstack([loads, warping])
     basis = _with_modes(divided, matrices, every)
     body = _reduced(divided, basis)
     fine = _fine_tree(divided, basis, body.membrane) if config.certificate or not cut else None
     work, own = warping.T @ basis.modes.shapes, basis.modes.shapes
-    span = np.zeros((own.shape[1], 0)) if spanned is None else embedding(matrices.supported, own, spanned)
+    span = np.zeros((own.shape[1], 0)) if spanned is None else bodies.embedding(matrices.supported, own, spanned)
 
     def certified() -> Reduced:
         with report.stage("Reduce the body once more, finer, to know its error"):
             finer, finer_basis = _shadow(divided, basis, every, body.membrane is not None)
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
-        found = matrices.kept(key, "embedding", lambda: embedding(matrices.supported, shapes, own))
+        found = matrices.kept(key, "embedding", lambda: bodies.embedding(matrices.supported, shapes, own))
         known, third = Shadow(finer, found), partial(completed_body, finer_basis.stretching(divided), finer)
         return replace(piece, body=replace(body, shadow=known), shadow_work=warping.T @ shapes, third=third)
 
@@ -190,18 +167,18 @@ def reduced_piece(
 def _shadow(divided: _Divided, basis: _Basis, every: FloatArray, stretches: bool) -> tuple[ReducedBody, _Basis]:
     """The body once more, with more frames and all that its basis may lack under loads (3n, l)."""
     matrices, model, loads = basis.matrices.quiet, divided.model, divided.unit_loads()
-    finer = shadow_options(divided.config, divided.subdomains)
+    finer = bodies.shadow_options(divided.config, divided.subdomains)
 
     def kept(name: str, find: Callable[..., FloatArray], key: object, *more: Any) -> FloatArray:
         return matrices.kept(content_key(__name__, name, key, loads), name, partial(find, matrices, *more))
 
     far, cut = divided.config.far, divided.cut
-    third = partial(kept, "shapes of third order", third_order_loads, (basis.key, far, cut), basis.modes, loads)
-    added = [every, third(*THIRD[far], cut)]
-    added.append(kept("shapes of buckling", buckling_loads, (matrices.key, cut), loads, cut))
+    third = partial(kept, "shapes of third order", bases.third_order_loads, (basis.key, far, cut), basis.modes, loads)
+    added = [every, third(*bodies.THIRD[far], cut)]
+    added.append(kept("shapes of buckling", bases.buckling_loads, (matrices.key, cut), loads, cut))
     if stretches and not divided.cut:
-        added.append(kept("displacements of second order", turning_loads, matrices.key, loads))
-    modes, key = completed_basis(matrices, basis.modes, basis.key, np.hstack(added))
+        added.append(kept("displacements of second order", bases.turning_loads, matrices.key, loads))
+    modes, key = bases.completed_basis(matrices, basis.modes, basis.key, np.hstack(added))
     again = _divided(finer, model, matrices.report, divided.springs, divided.cut)
     if not divided.cut and not model.rigid.size:
         # Springs at turned nodes pull less than their linear energy says.
@@ -232,8 +209,8 @@ def _reduced(divided: _Divided, basis: _Basis) -> ReducedBody:
 def _made(divided: _Divided, basis: _Basis, **beside: Any) -> ReducedBody:
     """A body without damping and names."""
     modes, subdomains = basis.modes, divided.subdomains
-    motion = motion_of_tree(modes.angular_frequency, modes.shapes, divided.interfaces, subdomains, basis.frames)
-    return made_body(BodyUse(divided.config.name), **motion, **beside)
+    motion = bodies.motion_of_tree(modes.angular_frequency, modes.shapes, divided.interfaces, subdomains, basis.frames)
+    return bodies.made_body(BodyUse(divided.config.name), **motion, **beside)
 
 
 def _lumped(divided: _Divided, basis: _Basis) -> tuple[LumpedMass | None, list[Centre]]:
@@ -267,14 +244,14 @@ def _fine_tree(divided: _Divided, basis: _Basis, membrane: Membrane | None) -> R
     return kept[key]
 
 
-def _with_modes(divided: _Divided, matrices: Matrices, every: FloatArray) -> _Basis:
+def _with_modes(divided: _Divided, matrices: bases.Matrices, every: FloatArray) -> _Basis:
     """The modes of a divided model, with room for loads (3n, l): of units on interfaces, and warping of sections."""
     wanted, stored = divided.config.basis, divided.config.stored
     residual = every if wanted.residual is True else every[:, list(wanted.residual or ())]
     # Sections would be too stiff against each other with the static shapes alone that loads need most.
-    modes, key = modal_basis(replace(wanted, by_need=False) if divided.cut else wanted, matrices, every, residual)
+    modes, key = bases.modal_basis(replace(wanted, by_need=False) if divided.cut else wanted, matrices, every, residual)
     if wanted.by_need and Data.SECOND_ORDER in stored:
-        modes, key = with_third_order(matrices, modes, key, divided.unit_loads(), divided.config.far, divided.cut)
+        modes, key = bases.with_third_order(matrices, modes, key, divided.unit_loads(), divided.config.far, divided.cut)
     _tell(modes, matrices.report)
     _tell_coarse(divided.model, modes, matrices.report)
     return _Basis(matrices, modes, key, frame_operators(divided.model.mesh.points, modes.shapes, divided.subdomains))
@@ -285,15 +262,15 @@ def _parts(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOr
     config, model, subdomains, matrices = divided.config, divided.model, divided.subdomains, basis.matrices
     modes, key, stored = basis.modes, basis.key, config.stored
     surface = _surface(divided, basis, second) if config.surface else None
-    by_load = stiffness_by_load(matrices, modes, key, loads, config.acceleration) if Data.BY_LOAD in stored else None
+    of_loads = matrices, modes, key, loads, config.acceleration
     return {
         **(_watched(divided, basis, loads) if config.watched else {}),
-        "root_interface": fixable_root(config, model),
-        "whole": whole_frame(model, modes.shapes, config) if several(subdomains) else None,
+        "root_interface": bodies.fixable_root(config, model),
+        "whole": bodies.whole_frame(model, modes.shapes, config) if bodies.several(subdomains) else None,
         "masses": sub_masses(model.mesh, modes.shapes, subdomains) if config.acceleration else None,
         "stress_sets": _stress_sets(config, model, modes),
-        "stiffness_by_load": by_load,
-        "stiffness_by_mode": stiffness_by_mode(matrices, modes, key) if Data.BY_MODE in stored else None,
+        "stiffness_by_load": bases.stiffness_by_load(*of_loads) if Data.BY_LOAD in stored else None,
+        "stiffness_by_mode": bases.stiffness_by_mode(matrices, modes, key) if Data.BY_MODE in stored else None,
         "damper": model.damper_rows(modes.shapes),
         "surface": surface,
         "second": second,
@@ -319,8 +296,8 @@ def _watched(divided: _Divided, basis: _Basis, loads: FloatArray) -> dict[str, A
 def _divided(config: BodyOptions, model: Model, report: Reporter, springs: Sequence[Spring], cut: bool) -> _Divided:
     """Divide a model into frames, and fit its interfaces."""
     with report.stage("Divide into frames and fit interfaces"):
-        subdomains, cuts = body_subdomains(config, model)
-        interfaces = [fit_interface(table, model.mesh, subdomains) for table in config.interfaces]
+        subdomains, cuts = bodies.body_subdomains(config, model)
+        interfaces = [bodies.fit_interface(table, model.mesh, subdomains) for table in config.interfaces]
     for interface in interfaces:
         _tell_interface(interface, model, subdomains, report)
     report.tell(warnings=cuts)
@@ -331,36 +308,36 @@ def _divided(config: BodyOptions, model: Model, report: Reporter, springs: Seque
     return _Divided(config, model, subdomains, interfaces, bool(cuts), springs, cut)
 
 
-def _tell_interface(interface: InterfaceFit, model: Model, subdomains: Sequence[Subdomain], report: Reporter) -> None:
+def _tell_interface(one: bodies.InterfaceFit, model: Model, subdomains: Sequence[Subdomain], report: Reporter) -> None:
     """Say what an interface is, and warn of what is hardly meant."""
-    carrier = f"frame {subdomains[interface.frame].name!r}" if interface.frame >= 0 else "no frame"
-    spread = "by area" if interface.by_area else "by node"
-    count = f"{interface.nodes.size - interface.added.size} nodes"
-    if interface.added.size:
-        count += f" in a line or point, and {interface.added.size} more of their elements, which take the moment"
-    report.note(f"interface {interface.name!r}: {count}, loads spread {spread}, carried by {carrier}")
+    carrier = f"frame {subdomains[one.frame].name!r}" if one.frame >= 0 else "no frame"
+    spread = "by area" if one.by_area else "by node"
+    count = f"{one.nodes.size - one.added.size} nodes"
+    if one.added.size:
+        count += f" in a line or point, and {one.added.size} more of their elements, which take the moment"
+    report.note(f"interface {one.name!r}: {count}, loads spread {spread}, carried by {carrier}")
     points = model.mesh.points
-    if model.fixed[interface.nodes].all():
-        report.doubt(f"interface {interface.name!r} lies on a support: it does not move, and its loads do nothing")
-    if interface.nodes.size > _MOST * len(points):
-        found = f"interface {interface.name!r} has {interface.nodes.size} of the body's {len(points)} nodes"
+    if model.fixed[one.nodes].all():
+        report.doubt(f"interface {one.name!r} lies on a support: it does not move, and its loads do nothing")
+    if one.nodes.size > _MOST * len(points):
+        found = f"interface {one.name!r} has {one.nodes.size} of the body's {len(points)} nodes"
         advice = "its motion is an average over all of it; take the nodes where the body is joined to others"
         report.doubt(f"{found}: {advice}")
-    if interface.frame >= 0 and not subdomains[interface.frame].floating:
-        told = np.setdiff1d(interface.nodes, interface.added)
-        beyond = np.setdiff1d(told, subdomains[interface.frame].body.nodes).size
-        rigid = any(np.isin(interface.nodes, link.nodes).all() for link in model.mesh.links)
+    if one.frame >= 0 and not subdomains[one.frame].floating:
+        told = np.setdiff1d(one.nodes, one.added)
+        beyond = np.setdiff1d(told, subdomains[one.frame].body.nodes).size
+        rigid = any(np.isin(one.nodes, link.nodes).all() for link in model.mesh.links)
         # Over a short stretch frames turn so little against each other that nothing is lost.
         reach, size = (np.linalg.norm(np.ptp(points, axis=0)) for points in (points[told], points))
         if beyond > _SPREAD * told.size and reach > _SHORT * size and not rigid:
             away = np.linalg.norm(points[told] - points[told].mean(axis=0), axis=1)
             advice = "fewer frames, or rigid = true" if away.min() > _HOLLOW * away.max() else "a smaller set"
             report.warning(
-                f"interface {interface.name!r}: {beyond} of its {told.size} nodes lie outside frame "
-                f"{subdomains[interface.frame].name}, which carries all of it; take {advice}"
+                f"interface {one.name!r}: {beyond} of its {told.size} nodes lie outside frame "
+                f"{subdomains[one.frame].name}, which carries all of it; take {advice}"
             )
-    if interface.frame < 0 and subdomains:
-        found = f"interface {interface.name!r} touches no frame and moves linearly"
+    if one.frame < 0 and subdomains:
+        found = f"interface {one.name!r} touches no frame and moves linearly"
         report.warning(f"{found}; put its nodes into a [[frame]]")
 
 

@@ -6,25 +6,19 @@ Linear kinematics are tried first, then more and more frames; modes are those of
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from ..body.flexible_body import FlexibleBody
 from ..body.reference_loads import reference_loads
 from ..build.config import BodyFile, read_body_file
 from ..build.tables import FormulationTable
-from ..core.interface import parameter
 from ..files.basics import BodyFileError, plural
 from ..files.outputs import Reporter
 from ..files.store import Store
-from ..model.reduced_body import ReducedBody
 from ..model.variants import chosen
 from .candidates import times
 from .scene.config import AcceptedTable, SceneError, SceneFile, StaticTable, ToleranceTable, read_scene_file
 from .scene.scene import AXES, made_scene
 from .workshop import Workshop, build
 
-# Beyond this it tells no more than that the motion is wrong, as FMUs say, too.
-_WRONG = 0.1
 _FRAMES = (0, 1, 2, None, 8, 16)
 """Numbers of frames in the order of the search; None: the build decides, of cuts too."""
 
@@ -105,21 +99,3 @@ def reference_scene(given: BodyFile, store: Store) -> SceneFile:
         for name, of, force, _ in reference_loads(FlexibleBody(body), back=False)
     ]
     return SceneFile(static=cases)
-
-
-def own_error(body: ReducedBody) -> str:
-    """The largest error under reference loads that the body tells of itself, in words; none of a free body."""
-    if body.rigid_count or body.properties is None or body.shadow is None:
-        return ""
-    model, worst = FlexibleBody(body), (-1.0, "")
-    for _, name, force, state in reference_loads(model):
-        found = model.error(state, {name: force.tolist()})
-        moved = np.linalg.norm(model.response(state).displacement[body.interface_names.index(name)])
-        size = f"up to {100.0 * found.relative:.2g} %" if found.relative < _WRONG else f"more than {100.0 * _WRONG:g} %"
-        words = f"{size} under {np.linalg.norm(force):.3g} N on {name}, which moves by {moved:.3g} m"
-        worst = max(worst, (found.relative, words))
-    ties = None if body.ties is not None else body.shadow.body.ties
-    do = "more frames or modes" if ties is None else "a cut" if ties.joins else "rotational_stiffness of its supports"
-    hint = f"; {do} or --tolerance lower it"
-    hint *= worst[0] > (body.tolerance or parameter("ERROR_LIMIT").start)
-    return worst[1] and f"own estimate of its error: {worst[1]}{hint}"

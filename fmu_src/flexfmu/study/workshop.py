@@ -20,7 +20,7 @@ from ..build.config import BodyFile
 from ..build.reduce import reduce_body
 from ..core.interface import parameter
 from ..files.basics import FlexfmuError, FloatArray, RuntimeBodyError
-from ..files.outputs import Reporter
+from ..files.outputs import Heard, Reporter
 from ..files.store import REUSED, Store
 from ..model.methods import Mass, Variant
 from ..model.reduced_body import ReducedBody
@@ -202,16 +202,6 @@ def pair_ends(angular_frequency: FloatArray) -> list[int]:
 _EQUILIBRIA = 3
 # A limit over the largest bound that was seen, and the largest limit.
 _ABOVE, _MOST = 1.05, 0.98
-
-
-class _Notes(Reporter):
-    """Keeps notes."""
-
-    def __init__(self) -> None:
-        self.notes: list[str] = []
-
-    def note(self, text: str) -> None:
-        self.notes.append(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -433,6 +423,6 @@ def build(config: BodyFile, store: Store) -> Built:
     -------
     Built
     """
-    heard, start = _Notes(), time.perf_counter()
+    heard, start = Heard(Reporter()), time.perf_counter()
     body = reduce_body(config, heard, store)
-    return Built(body, time.perf_counter() - start, any(REUSED in note for note in heard.notes))
+    return Built(body, time.perf_counter() - start, any(REUSED in text for _, text in heard.said))

@@ -130,7 +130,7 @@ def _mesh(content: "_Content", deck: Deck) -> tuple[Mesh, BoolArray]:
         masses=masses,
         springs=springs,
         links=tuple(links),
-        equations=matrix_of(rows, 3 * len(points)),
+        equations=matrix_of(rows, 3 * len(points)) if rows else None,
         notes=tuple(note for part in telling for note in part.notes),
     )
     return mesh, fixed[:, 3:]
