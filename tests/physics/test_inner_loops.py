@@ -187,7 +187,7 @@ def test_a_closed_loop_knows_its_error_by_the_opened_body(tmp_path):
     assert body.model.shadow.body.ties is not None
     assert any("1 loop within the body" in text for text in notes)
     assert 'cut = "auto"' in against_error(body.model, recipe_of(Method.SECOND_ORDER))
-    assert "; a cut or --tolerance lower it" in own_error(replace(body.model, tolerance=1e-6))
+    assert "; a cut or --tolerance lower it" in own_error(replace(body.model, tolerance=1e-6))[0]
     read = read_body_model(config, Reporter())
     model = read.model
     worst = 0.0

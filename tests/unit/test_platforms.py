@@ -295,7 +295,7 @@ def test_a_platform_that_cannot_be_had_is_told_before_the_body_is_reduced(monkey
         raise AssertionError("the body was reduced")
 
     monkeypatch.setattr(binaries, "zig_compiler", lambda: None)
-    monkeypatch.setattr("flexfmu.api.reduce_mesh", never)
+    monkeypatch.setattr("flexfmu.build.reduce.reduce_mesh", never)
     done = CliRunner().invoke(app, ["build", str(CLAMPED), "--output", str(tmp_path / "beam.fmu"), *options])
     assert done.exit_code == 1
     said = " ".join(done.stderr.split())

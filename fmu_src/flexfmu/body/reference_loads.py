@@ -147,6 +147,5 @@ def own_error(body: ReducedBody) -> list[str]:
         worst = max(worst, (found.relative, words))
     ties = None if body.ties is not None else body.shadow.body.ties
     do = "more frames or modes" if ties is None else "a cut" if ties.joins else "rotational_stiffness of its supports"
-    hint = f"; {do} or --tolerance lower it"
-    hint *= worst[0] > (body.tolerance or parameter("ERROR_LIMIT").start)
+    hint = f"; {do} or --tolerance lower it" * (worst[0] > (body.tolerance or parameter("ERROR_LIMIT").start))
     return [f"own estimate of its error: {worst[1]}{hint}"] * bool(worst[1])

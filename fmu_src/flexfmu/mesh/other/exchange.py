@@ -12,7 +12,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import h5py
 import meshio
 import numpy as np
 
@@ -223,6 +222,8 @@ def read_exodus(path: Path) -> Contents:
     """
     with quiet(path, "check the file; expected Exodus II"), path.open("rb") as start:
         if start.read(4) == _HDF5:
+            import h5py
+
             with h5py.File(path) as file:
                 return _contents(_variables(file, lambda value: value.attrs.get("elem_type")), path)
         from scipy.io import netcdf_file
