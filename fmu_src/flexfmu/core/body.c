@@ -46,7 +46,7 @@ static void gather_bends(Opened *opened) {
     const Program *p = &opened->p;
     int64_t *row = opened->bent_row;
     const double *curvature = p->curvature;
-    for (int64_t part = 0; part < p->parts; part++) {
+    for (int64_t part = 0; part < p->bending; part++) {
         Bend *bend = opened->bends + part;
         bend->row = row;
         bend->curvature = curvature;
@@ -68,7 +68,7 @@ static int complete(Opened *opened) {
     const int64_t nodes = p->nodes, m = p->modes;
     opened->stiffness = calloc((size_t)(m + (p->loads + 2) / 3), sizeof(double));
     opened->rule_numbers = calloc((size_t)(RULES * RULE_ROWS * m), sizeof(double));
-    opened->bends = calloc((size_t)p->parts + 1, sizeof *opened->bends);
+    opened->bends = calloc((size_t)p->bending + 1, sizeof *opened->bends);
     opened->bent_row = calloc((size_t)(6 * nodes), sizeof *opened->bent_row);
     opened->turned_start = calloc((size_t)(6 * nodes), sizeof *opened->turned_start);
     opened->lumped = calloc((size_t)nodes, sizeof *opened->lumped);

@@ -91,7 +91,7 @@ int is_shadow(const Body *shadow, const Body *body) {
 /* Places of the interfaces where frames turn, and nothing within them is of second order. */
 static void places_by_frames(const Body *body, Configuration *at, double *out) {
     const Program *p = body->p;
-    if (due(body->slice, (double)p->modes)) memset(at->bent, 0, (size_t)(p->parts * p->modes) * sizeof(double));
+    if (due(body->slice, (double)p->modes)) memset(at->bent, 0, (size_t)(p->bending * p->modes) * sizeof(double));
     configure_places(body, 0, at);
     if (due(body->slice, (double)(12 * p->interfaces))) places_in(p, at, out);
 }

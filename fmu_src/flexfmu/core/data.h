@@ -23,7 +23,7 @@ enum {
 typedef struct {
     double *q;        /* (m) */
     double *straight; /* (6K): the part of b and phi that is linear in q */
-    double *bent;     /* (parts, m): coordinates that bend each part */
+    double *bent;     /* (bending, m): coordinates that bend each part */
     double *turned;   /* curvature times these, (r) of each row that is curved: its share of the derivatives */
     double *local;    /* (6K): b of all nodes, then phi */
     double *position; /* (K, 3) */
@@ -89,7 +89,7 @@ typedef struct Opened {
     struct Opened *next;
     int64_t users;
     double *stiffness;     /* (m); `softens` lies behind it */
-    Bend *bends;           /* (parts) */
+    Bend *bends;           /* (bending) */
     int64_t *bent_row;     /* of all parts in turn */
     int64_t bend_rows;     /* numbers of Configuration.turned */
     int64_t *turned_start; /* (6K): where those of each row begin */

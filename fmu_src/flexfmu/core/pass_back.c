@@ -8,10 +8,10 @@
 void add_times_bent(const Body *body, const double *turned, const double *factors, int64_t count, double *scratch,
                     double *out) {
     const Program *p = body->p;
-    const int64_t m = p->modes, each = p->parts * m;
+    const int64_t m = p->modes, each = p->bending * m;
     if (!p->curved) return;
     memset(scratch, 0, (size_t)(count * each) * sizeof(double));
-    for (int64_t part = 0; part < p->parts; part++) {
+    for (int64_t part = 0; part < p->bending; part++) {
         const Bend *bend = body->opened->bends + part;
         const int64_t r = p->extent[part];
         /* Rows that lie together by the run. Nothing is known of rows without a factor. */
@@ -23,7 +23,7 @@ void add_times_bent(const Body *body, const double *turned, const double *factor
                 end = end > k ? end : k + 1;
             }
     }
-    for (int64_t part = 0; part < p->parts; part++) {
+    for (int64_t part = 0; part < p->bending; part++) {
         const double *basis = part_basis(p, part), *own = scratch + part * m;
         if (basis)
             add_product(own, each, basis, out, count, p->extent[part], m);
@@ -77,7 +77,7 @@ void gather(const Body *body, const Configuration *at, double *force, double *mo
 
 void take_back(const Body *body, Arena *arena, Back *back) {
     back->rows = take(arena, 6 * body->p->nodes);
-    back->bent = take(arena, body->p->parts * body->p->modes);
+    back->bent = take(arena, body->p->bending * body->p->modes);
 }
 
 void pass_back(const Body *body, const Configuration *at, double *force, double *moment, Back *back, double *out) {
@@ -91,7 +91,7 @@ static void full_operator(const Body *body, const Configuration *at, double *out
     const int64_t m = p->modes;
     copy_rows(p->operator_, out, m, rows_due(body->slice, 6 * p->nodes, cost_of_copy(m)));
     if (!p->curved) return;
-    for (int64_t part = 0; part < p->parts; part++) {
+    for (int64_t part = 0; part < p->bending; part++) {
         const Bend *bend = body->opened->bends + part;
         const double *basis = part_basis(p, part);
         const int64_t r = p->extent[part];
@@ -120,7 +120,7 @@ void jacobians_at(const Body *body, const Configuration *at, Jacobians *of) {
     double *translation = of->translation, *spin = of->spin;
     const int64_t m = p->modes, size = 3 * m;
     int64_t pieces = 7 * p->nodes;
-    for (int64_t part = 0; p->curved && part < p->parts; part++) pieces += body->opened->bends[part].count;
+    for (int64_t part = 0; p->curved && part < p->bending; part++) pieces += body->opened->bends[part].count;
     if (passed(body->slice, pieces)) return;
     full_operator(body, at, of->operator_);
     const Rows now = rows_due(body->slice, p->nodes, (double)(20 * size));
@@ -192,7 +192,7 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
     const int64_t m = p->modes;
     double *one = room->one, *square = room->square;
     if (!p->curved) return;
-    for (int64_t part = 0; part < p->parts; part++) {
+    for (int64_t part = 0; part < p->bending; part++) {
         const int64_t r = p->extent[part];
         const double *basis = part_basis(p, part);
         const Bend *bend = body->opened->bends + part;

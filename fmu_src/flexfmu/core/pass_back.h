@@ -4,7 +4,7 @@
 
 #include "data.h"
 
-/* Rows (6K) of loads on b and phi; (parts, m). */
+/* Rows (6K) of loads on b and phi; (bending, m). */
 typedef struct {
     double *rows, *bent;
 } Back;
@@ -22,7 +22,7 @@ static inline int no_load(const double *x) { return x[0] == 0.0 && x[1] == 0.0 &
 
 /* Loads (K, 3) gathered from the tips to the roots, in place; rows (6K): their components on the parents' axes, T included. */
 void gather(const Body *body, const Configuration *at, double *force, double *moment, double *rows);
-/* out (count, m) += factors (count, 6K) times the derivatives of b and phi; `scratch` holds (count, parts, m). */
+/* out (count, m) += factors (count, 6K) times the derivatives of b and phi; `scratch` holds (count, bending, m). */
 void add_times_derivative(const Body *body, const Configuration *at, const double *factors, int64_t count, double *scratch,
                           double *out);
 /* The same of what is bent alone, (r) of each row that is curved. */

@@ -104,7 +104,7 @@ static const char *inconsistent(const Program *p) {
     for (int64_t i = 0; i < k; i++)
         if (p->parent[i] < -1 || p->parent[i] >= (i < s ? i : s)) return "a node hangs on what is not before it";
     if (p->curved) {
-        if (p->parts > 6 * k + p->stretches) return "the coordinates that bend are too many";
+        if (p->parts > 6 * k + p->stretches || p->bending > p->parts) return "the coordinates that bend are too many";
         int64_t numbers = 0, bends = 0;
         for (int64_t i = 0; i < p->parts; i++) {
             if (p->extent[i] < 1 || p->extent[i] > m) return "coordinates that bend are out of range";
@@ -112,9 +112,9 @@ static const char *inconsistent(const Program *p) {
         }
         if (numbers != p->basis_numbers) return "the coordinates that bend are incomplete";
         for (int64_t i = 0; i < 6 * k; i++) {
-            if (p->part[i] < -1 || p->part[i] >= p->parts) return "a curvature is of no part";
+            if (p->part[i] < -1 || p->part[i] >= p->bending) return "a curvature is of no part";
         }
-        for (int64_t part = 0; part < p->parts; part++) {
+        for (int64_t part = 0; part < p->bending; part++) {
             int64_t rows = 0;
             for (int64_t i = 0; i < 6 * k; i++) rows += p->part[i] == part;
             bends += packed_total(rows, p->extent[part]);

@@ -9,7 +9,7 @@
 void take_rates(const Body *body, Arena *arena, Rates *rates) {
     const Program *p = body->p;
     rates->local = take(arena, 6 * p->nodes);
-    rates->bent = take(arena, p->parts * p->modes);
+    rates->bent = take(arena, p->bending * p->modes);
     rates->turned = take(arena, body->opened->bend_rows);
     rates->velocity = take(arena, 3 * p->nodes);
     rates->spin = take(arena, 3 * p->nodes);
@@ -23,7 +23,7 @@ void node_rates(const Body *body, const Need *need, const Configuration *at, con
     add_strided_rows(v, p->operator_t, 6 * n, local, p->modes, moving_rows(p));
     if (p->curved) {
         part_coordinates(p, v, 0, rates->bent);
-        for (int64_t part = 0; part < p->parts; part++) {
+        for (int64_t part = 0; part < p->bending; part++) {
             const Bend *bend = body->opened->bends + part;
             const int64_t r = p->extent[part];
             for (int64_t k = 0; k < bend->count; k++)
@@ -62,7 +62,7 @@ void node_accelerations(const Body *body, const Need *need, const Configuration 
     const int64_t n = p->nodes;
     double *second = acceleration + 3 * n; /* b'', phi'' */
     memset(second, 0, (size_t)(6 * n) * sizeof(double));
-    for (int64_t part = 0; part < p->parts; part++) {
+    for (int64_t part = 0; part < p->bending; part++) {
         const Bend *bend = body->opened->bends + part;
         const int64_t r = p->extent[part];
         for (int64_t k = 0; k < bend->count; k++)
@@ -108,7 +108,7 @@ void take_back_rate(const Body *body, Arena *arena, BackRate *back) {
     back->rows = take(arena, 6 * n);
     back->change = take(arena, 6 * n);
     back->about = take(arena, 3 * n);
-    back->bent = take(arena, body->p->parts * body->p->modes);
+    back->bent = take(arena, body->p->bending * body->p->modes);
 }
 
 void pass_back_rate(const Body *body, const Configuration *at, const Rates *rates, double *force, double *moment,

@@ -6,11 +6,11 @@
 
 typedef struct {
     double *local;           /* (6K): rates of b and phi */
-    double *bent, *turned;   /* (parts, m) and (r) of each row that is curved: as of a configuration */
+    double *bent, *turned;   /* (bending, m) and (r) of each row that is curved: as of a configuration */
     double *velocity, *spin; /* (K, 3) */
 } Rates;
 
-/* (6K), (6K), (3K) and (parts, m). */
+/* (6K), (6K), (3K) and (bending, m). */
 typedef struct {
     double *rows, *change, *about, *bent;
 } BackRate;

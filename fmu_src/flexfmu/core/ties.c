@@ -15,7 +15,7 @@ void take_pull(const Body *body, Arena *arena, Pull *pull) {
     pull->force = take(arena, n);
     pull->loads = take(arena, 6 * body->p->nodes);
     pull->factors = take(arena, 6 * n * body->p->nodes);
-    pull->bent = take(arena, n * body->p->parts * m);
+    pull->bent = take(arena, n * body->p->bending * m);
 }
 
 /* Entry of the stiffness (6, 6) of a tie: the force on its end a, with its levers where that pulls, by motion relative to end b,

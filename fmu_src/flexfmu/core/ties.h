@@ -7,7 +7,7 @@
 typedef struct {
     double *rows, *answer, *hold; /* (n, m) J, (n, m) J B, (n, n) (1 + S J B Jᵀ / 2)⁻¹ S */
     double *square, *strain, *force;
-    double *loads, *factors, *bent; /* (6K), (n, 6K), (n, parts, m) */
+    double *loads, *factors, *bent; /* (6K), (n, 6K), (n, bending, m) */
 } Pull;
 
 void take_pull(const Body *body, Arena *arena, Pull *pull);

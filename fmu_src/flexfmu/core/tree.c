@@ -16,7 +16,7 @@ void take_configuration(const Body *body, Arena *arena, Configuration *at) {
     const Program *p = body->p;
     at->q = take(arena, p->modes);
     at->straight = take(arena, 6 * p->nodes);
-    at->bent = take(arena, p->parts * p->modes);
+    at->bent = take(arena, p->bending * p->modes);
     at->turned = take(arena, body->opened->bend_rows);
     at->local = take(arena, 6 * p->nodes);
     at->position = take(arena, 3 * p->nodes);
@@ -68,7 +68,7 @@ const double *part_basis(const Program *p, int64_t part) {
 }
 
 void part_coordinates(const Program *p, const double *q, Slice *slice, double *x) {
-    for (int64_t i = 0; i < p->parts; i++, x += p->modes) {
+    for (int64_t i = 0; i < p->bending; i++, x += p->modes) {
         const double *basis = part_basis(p, i);
         const Rows now = rows_due(slice, basis ? p->extent[i] : 1, (double)(2 * p->modes));
         if (basis)
@@ -113,7 +113,7 @@ void add_four(const Body *body, const double *factors, const double *packed, dou
 
 void turn_rows(const Body *body, const Need *need, const double *bent, double *to) {
     const Program *p = body->p;
-    for (int64_t part = 0; part < p->parts && !over(body->slice); part++) {
+    for (int64_t part = 0; part < p->bending && !over(body->slice); part++) {
         const Bend *bend = body->opened->bends + part;
         const int64_t r = p->extent[part], size = packed_size(r);
         const double *curvature = bend->curvature;
@@ -133,7 +133,7 @@ void turn_rows(const Body *body, const Need *need, const double *bent, double *t
 static void bend_rows(const Body *body, const Need *need, Configuration *at) {
     const Program *p = body->p;
     if (due(body->slice, (double)(6 * p->nodes))) memcpy(at->local, at->straight, (size_t)(6 * p->nodes) * sizeof(double));
-    for (int64_t part = 0; part < p->parts; part++) {
+    for (int64_t part = 0; part < p->bending; part++) {
         const Bend *bend = body->opened->bends + part;
         const int64_t r = p->extent[part];
         const Rows now = rows_due(body->slice, bend->count, 1.5 * (double)r);
@@ -210,7 +210,7 @@ void configure_halfway(const Body *body, const Need *need, const Configuration *
     mean_of(a->q, b->q, at->q, p->modes);
     mean_of(a->straight, b->straight, at->straight, 6 * p->nodes);
     if (p->curved) {
-        mean_of(a->bent, b->bent, at->bent, p->parts * p->modes);
+        mean_of(a->bent, b->bent, at->bent, p->bending * p->modes);
         mean_of(a->turned, b->turned, at->turned, body->opened->bend_rows);
     }
     configure_places(body, need, at);

@@ -42,7 +42,7 @@ double apart(const double *a, const double *b, int64_t interfaces, double *out);
 int64_t moving_rows(const Program *p);
 /* Basis (r, m) of the coordinates that bend a part; null where q itself does: without any, or where there are m of them. */
 const double *part_basis(const Program *p, int64_t part);
-/* Coordinates that bend each part at q, (parts, m) with r of them in each row. */
+/* Coordinates that bend each part at q, (bending, m) with r of them in each row. */
 void part_coordinates(const Program *p, const double *q, Slice *slice, double *x);
 /* Whether a row of the operator is needed. */
 int wanted(const Program *p, const Need *need, int64_t row);

@@ -87,8 +87,8 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
     _put_mixed(draft, body)
     _put_watched(draft, body, recipe, tree)
     if tree.curvature is not None:
-        draft.sizes["curved"] = 1
         draft.arrays |= bends(tree, 0 if lumped is None else inertial_modes(body))
+        draft.sizes |= {"curved": 1, "bending": len(draft.arrays["extent"])}
     if recipe.kinematics is Kinematics.SECOND_ORDER and tree.frames and body.membrane is not None:
         draft.arrays |= stretches(body.membrane, draft.arrays)
     if body.ties is not None and tree.frames:
