@@ -13,7 +13,6 @@ material by far more than the square of its angle stay coordinates, and the ener
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
-from itertools import combinations_with_replacement
 from typing import Any, Literal
 
 import numpy as np
@@ -29,6 +28,7 @@ from .basis import TENSE, TURNING, Matrices
 from .fourth_order import STIFF, FourthOrder, energy_shares, pair_products, turning_scale
 from .modes import Modes, balanced
 from .third_order import lever_sums, missed_energy, turning_forces
+from .watched import most_turned
 
 # Directions in the coordinates whose pairs are looked at, at least and at most: 666 and 1830 static responses; between
 # them so many that pairs times unknowns are no more. Of a plate on three feet with six interfaces, 58 coordinates, 36
@@ -243,14 +243,15 @@ class Stretching:
         if not kept.any():
             return membrane
         caused, found = ways @ caused[:, kept] / sizes[kept], found[kept]
-        turned, axes = np.linalg.eigh(found @ self._spin @ found.T)
+        # What strains a material counts as what turns it does.
+        moved, elements = (unit @ found.T).reshape(len(mesh.points), 3, -1), np.arange(mesh.element_count)
+        strained = sum(most_turned(mesh, moved, elements, np.zeros((3, 1)), np.eye(len(found)))[2])
+        turned, axes = np.linalg.eigh(found @ self._spin @ found.T + strained)
         most = np.clip(int(np.sqrt(2.0 * _ALLOWED / len(unit))) - _STIFFEST, *_SOFTEST)
-        soft = (turned > STIFF * turned[-1])[-most:].sum()
-        axes = axes[:, -soft - _STIFFEST :]
-        size = _TURN / np.sqrt(np.maximum(turned, STIFF * turned[-1])[-axes.shape[1] :])
-        motions, every = axes.T @ found, (caused @ axes * size).T.reshape(len(size), 2, -1, 3)
-        every = every.swapaxes(1, 2).reshape(len(size), -1, 6)
-        pairs = np.array(list(combinations_with_replacement(range(len(size)), 2)))
+        axes = axes[:, -(soft := (turned > STIFF * turned[-1])[-most:].sum()) - _STIFFEST :]
+        size, motions = _TURN / np.sqrt(np.maximum(turned, STIFF * turned[-1])[-axes.shape[1] :]), axes.T @ found
+        every = (caused @ axes * size).T.reshape(len(size), 2, -1, 3).swapaxes(1, 2).reshape(len(size), -1, 6)
+        pairs = np.stack(np.triu_indices(len(size)), axis=1)
         shapes = np.sqrt(2.0) * membrane.linear[membrane.linear.any(axis=1)][:, self._elastic] / self._omega
         (q, rows), scale = np.zeros((2, len(size), self.modes.angular_frequency.size)), size[:, None] / self._omega
         q[:, self._elastic], rows[:, self._elastic] = motions * scale, motions / scale
@@ -265,8 +266,8 @@ class Stretching:
         pulls = np.hstack([every.reshape(len(size), -1), (bushings.rows @ fields).T]), len(size) - soft
         forms, signs = missed_energy(body, q, *pulls, sums, work, least, partial(bushings.third, fields))
         # Stiffness is of fifth order, of which this is a part only.
-        linear = np.zeros((len(forms), rows.shape[1]))
-        return Membrane.joined([membrane, Membrane.of(rows, forms, linear, signs, 0.0 * signs)])
+        more = Membrane.of(rows, forms, np.zeros((len(forms), rows.shape[1])), signs, 0.0 * signs)
+        return Membrane.joined([membrane, more])
 
     def _refuse_what_does_not_fit(self, pairs: int) -> None:
         """Refuse more pairs than the memory holds, before any is begun."""
@@ -286,7 +287,7 @@ class Stretching:
 
         The basis may know a mere shortening by shapes that bend as well: it misses a part of the turn at most.
         """
-        one, other = np.array(list(combinations_with_replacement(range(len(self.motions)), 2))).reshape(-1, 2).T
+        one, other = np.triu_indices(len(self.motions))
         motions = (self.motions @ self._directions).T
         amplitudes, size = pair_products(motions[:, one], motions[:, other]), np.linalg.norm(motions, axis=0)
         tense = _TURN**2 * (amplitudes * (energies @ amplitudes)).sum(axis=0) > 0.5 * TENSE * size[one] * size[other]

@@ -55,7 +55,7 @@ def watched_material(
     own = [(s, domain.elements) for s, domain in enumerate(subdomains) if domain.elements.size]
     groups = own or [(0, np.arange(mesh.element_count))]
     turned = frame_rotation if own else np.zeros((1, 3, len(omega)))
-    found = [_most_turned(mesh, phi, elements, turned[s], motions) for s, elements in groups]
+    found = [most_turned(mesh, phi, elements, turned[s], motions) for s, elements in groups]
     largest = np.max([most.max(axis=0) for _, most, _ in found], axis=0)
     # Some motions turn nothing.
     largest[largest == 0.0] = 1.0
@@ -91,7 +91,7 @@ def _gradients(mesh: Mesh, phi: FloatArray, elements: IntArray) -> Iterator[tupl
             yield gradient, some.volume, part.material[places]
 
 
-def _most_turned(
+def most_turned(
     mesh: Mesh, phi: FloatArray, elements: IntArray, frame: FloatArray, motions: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
     """Of elements that turn most in any motion the rotation (c, 3, m) less the frame's, and angles (c, k).
