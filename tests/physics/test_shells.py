@@ -617,6 +617,9 @@ def test_shells_of_a_body_file_have_offsets_and_are_refused_by_name(tmp_path):
     (tmp_path / "body.toml").write_text(SHELL_BODY.format("plate.vtu", "thickness = 2.0\noffset = 0.5"))
     height = flexfmu.Body.read(tmp_path / "body.toml").mesh.points[:, 2]
     np.testing.assert_allclose([height.min(), height.max()], [0.0, 2e-3], atol=1e-12)
+    told = "\n".join(flexfmu.check(tmp_path / "body.toml").lines)
+    for words in ("2 S4", "no material in the mesh file: [material] gives them", "mass 1.57 kg"):
+        assert words in told
     with pytest.raises(MeshError, match="Triangles and quads are shells where"):
         flexfmu.read_mesh(tmp_path / "plate.vtu")
 

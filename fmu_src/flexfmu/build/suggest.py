@@ -181,7 +181,7 @@ def mesh_lines(mesh: Mesh, units: UnitSystem) -> list[str]:
         lacking = missing(material)
         lines.append(f"material {material.name}" + (f": lacks {', '.join(lacking)}" if lacking else ""))
     if bare:
-        lines.append(f"{bare} elements have no material: give [material] with {', '.join(KEYS)}")
+        lines.append(f"{bare} elements have no material in the mesh file: [material] gives them {', '.join(KEYS)}")
     if mesh.fixed.any():
         lines.append(f"the file holds {int(mesh.fixed.any(axis=1).sum())} nodes; [mesh] boundary = false lets them go")
     for name, rows in mesh.node_sets.items():

@@ -108,8 +108,8 @@ def check(file: Name, units: str = "m-kg-s") -> Checked:
 
     file = Path(file)
     config = read_body_file(file) if file.suffix.lower() == ".toml" else None
-    path, system = (file, unit_system(units)) if config is None else (config.mesh.file, config.mesh.units)
-    mesh = checked(read_mesh(path, system))
+    system = unit_system(units) if config is None else config.mesh.units
+    mesh = checked(read_mesh(file, system) if config is None else config.read_mesh(outputs.SILENT))
     lines, chosen = mesh_lines(mesh, system), {}
     if config is not None:
         chosen = chosen_nodes(mesh, config)
