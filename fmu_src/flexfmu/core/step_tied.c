@@ -5,14 +5,15 @@
 
 #include "algebra.h"
 #include "forces.h"
+#include "learning.h"
 #include "ties.h"
 
 /* Change of q over a round relative to q and to the way of a step. */
 static const double TOLERANCE = 1e-11;
 /* A round that leaves more than this of the change before it has the ties pull anew in its own middle. */
-static const double FAST = 0.02;
+static const double FAST = 0.1;
 /* Rounds in which the ties alone answer; then the whole tangent does, from the step's first guess on. */
-enum { TIES_ALONE = 8 };
+enum { TIES_ALONE = 12 };
 typedef struct {
     Step step;
     Pull pull;
@@ -22,6 +23,7 @@ typedef struct {
     double *foreseen, *matrix;   /* mean tension as the last round foresees it; (m, m) */
     TangentRoom tangents;
     Foreseen ends;
+    Learning learning;
     int64_t resolved;            /* modes */
     double noise;                /* round-off of the springs' strain, as a change of q */
     double quiet;                /* root of the energy that is round-off of that strain and of the rates that follow from it */
@@ -42,6 +44,7 @@ static void take_tied(const Body *body, Arena *arena, Tied *x) {
     x->matrix = take(arena, body->p->modes * body->p->modes);
     take_tangent_room(body, arena, &x->tangents);
     take_foreseen(body, arena, &x->ends);
+    take_learning(body->p->modes, TIES_ALONE, arena, &x->learning);
 }
 
 /* Square of the way, mass being its measure, of vibrations that the step does not resolve, for an acceleration and rates at
@@ -230,8 +233,9 @@ static Progress correct(Step *s) {
         respond(body, s->rule, &x->pull, x->off, s->way, x->change);
     else if (!answer_whole(x))
         return LOST;
-    for (int64_t j = 0; j < m; j++) s->q1[j] -= x->change[j];
     const double size = norm(x->change, m), last = s->change;
+    if (!x->whole) learn(&x->learning, body->opened->stiffness, s->q1, x->stale ? 1 : s->round, x->change);
+    for (int64_t j = 0; j < m; j++) s->q1[j] -= x->change[j];
     const double enough = TOLERANCE * (norm(s->q1, m) + s->all->step * x->speed_before);
     if (size <= fmax(fmax(enough, x->noise), s->blur * sqrt(blurred)) && !x->rough) return SETTLED;
     if (!x->whole && !(size <= 0.5 * x->change_before && s->round < TIES_ALONE)) {
