@@ -23,6 +23,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.kept import build_fmu
 from flexfmu.build.reduce import reduce_body
+from flexfmu.commands import entry
 from flexfmu.commands.cli import app
 from flexfmu.files.basics import BodyFileError, FlexfmuError, MeshError, ModelError, OptionError
 from flexfmu.files.outputs import Reporter
@@ -427,6 +428,24 @@ def test_of_fmu_and_modal_file_both_are_written_or_none(folder, suffix, monkeypa
     with pytest.raises((OSError, FlexfmuError), match="no space left"):
         build_fmu(folder / "body.toml", folder / "bar.fmu", folder / "bar.h5")
     assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize("words", ["Unable to allocate 7.69 MiB", ""])
+def test_a_lack_of_memory_ends_the_command_in_words(folder, words, monkeypatch):
+    def fail(*_, **__):
+        raise MemoryError(words)
+
+    monkeypatch.setattr("flexfmu.build.kept.file_origin", fail)
+    result = CliRunner().invoke(app, ["build", str(folder / "body.toml"), "-o", str(folder / "bar.fmu")])
+    assert (result.exit_code, result.stderr) == (1, f"error: {words or 'the memory does not suffice'}\n")
+
+
+def test_commands_have_no_threads_for_small_matrices(monkeypatch):
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    monkeypatch.setattr(sys, "argv", ["flexfmu", "--version"])
+    with pytest.raises(SystemExit):
+        entry.main()
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
 
 
 def test_an_error_of_the_user_ends_the_command_in_words_without_a_traceback(folder):

@@ -120,8 +120,7 @@ def build_fmu(
 
     data = _once("FMU", config, (mesh, origin, runtime, cores, fmi), report, kept, make)
     # The modal file takes its name once the FMU is there.
-    with report.stage(f"Write {output}"), nullcontext() if modal_file is None else whole_file(modal_file) as part:
+    with nullcontext() if modal_file is None else whole_file(modal_file) as part, whole_file(output) as whole:
+        whole.write_bytes(data)
         if part is not None:
             part.write_bytes(ZipFile(BytesIO(data)).read(f"resources/{MODAL_FILE}"))
-        with whole_file(output) as whole:
-            whole.write_bytes(data)

@@ -11,6 +11,8 @@ from .plain import ends_in_words, show_info
 
 def main() -> None:
     """Entry point of the console command."""
+    # Matrices are small here; the room of more threads may be what is missing.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             # Of terminals that lack a letter.

@@ -38,11 +38,11 @@ def ends_in_words(command: Callable[..., None]) -> Callable[..., None]:
         try:
             with keeps_interrupts():
                 command(*arguments, **options)
-        except (FlexfmuError, RuntimeBodyError, OSError) as error:
+        except (FlexfmuError, RuntimeBodyError, OSError, MemoryError, ImportError) as error:
             console = Console(stderr=True, highlight=False)
             if LOUDNESS.get() == "verbose":
                 console.print_exception()
-            console.print(f"[red]error:[/] {escape(str(error))}", soft_wrap=True)
+            console.print(f"[red]error:[/] {escape(str(error) or 'the memory does not suffice')}", soft_wrap=True)
             raise SystemExit(error.exit_code if isinstance(error, FlexfmuError) else 1) from error
         except KeyboardInterrupt as error:
             words = escape(str(error) or "nothing was written")
