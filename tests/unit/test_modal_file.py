@@ -189,6 +189,7 @@ def test_an_altered_value_is_refused_whichever_dataset_it_stands_in(file):
         ("method", "magic"),
         ("mass", "configuration"),
         ("mass", "lumped"),
+        ("compliance_interfaces", np.array([1.0, 2.0])),
     ],
 )
 def test_an_altered_attribute_is_refused(file, attribute, value):

@@ -183,7 +183,7 @@ def read_modal_file(source: str | Path | BinaryIO) -> ReducedBody:
             return _read(file, name)
     except FileNotFoundError as error:
         raise ModalFileError(f"{name}: no such file") from error
-    except (OSError, LookupError, ValueError, UnicodeDecodeError, RuntimeError, TypeError) as error:
+    except (OSError, LookupError, ValueError, UnicodeDecodeError, RuntimeError, TypeError, AttributeError) as error:
         raise ModalFileError(f"{name}: not a readable modal file ({error}); build it again") from error
 
 
