@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexfmu.body.flexible_body import FlexibleBody
-from flexfmu.build import reduce as build
+from flexfmu.build import config as build
 from flexfmu.build.reduce import reduce_body
 from flexfmu.build.tables import BranchTable, InterfaceTable, MeshTable, SupportTable
 from flexfmu.fe.assembly import mean_gradient

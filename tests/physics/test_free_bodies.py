@@ -223,7 +223,7 @@ def test_a_hinged_beam_swings_like_the_large_angle_pendulum(bodies):
 
 def hinged_beam(config, support):
     """The beam held on the line across its root's middle."""
-    from flexfmu.build import reduce as build
+    from flexfmu.build import config as build
     from flexfmu.files.outputs import Reporter
 
     original = build.read_mesh
@@ -237,7 +237,7 @@ def hinged_beam(config, support):
     build.read_mesh = with_line
     try:
         changes = {"support": support, "free": True, "frames": 2, "input": InputTable(acceleration=True)}
-        return FlexibleBody(build.reduce_body(config.model_copy(update=changes), Reporter()))
+        return FlexibleBody(reduce_body(config.model_copy(update=changes), Reporter()))
     finally:
         build.read_mesh = original
 

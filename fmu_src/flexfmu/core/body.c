@@ -78,7 +78,7 @@ static int complete(Opened *opened) {
     for (int64_t i = p->variables - 1; i >= 0; i--) {
         const int64_t next = i + 1;
         const int goes_on = next < p->variables && p->variable_role[next] == p->variable_role[i] &&
-                            p->variable_type[next] == p->variable_type[i] && p->variable_index[next] == p->variable_index[i] + 1;
+                            p->variable_type[next] == p->variable_type[i] && (uint64_t)p->variable_index[next] == (uint64_t)p->variable_index[i] + 1;
         opened->alike[i] = goes_on ? 1 + opened->alike[next] : 1;
     }
     opened->softens = opened->stiffness + m;

@@ -87,7 +87,7 @@ static const char *inconsistent(const Program *p) {
     if (m < 1 || m > 4096 || k > 65536) return "the numbers of modes or nodes are out of range";
     if (p->interfaces < 1 || k != s + p->interfaces + p->masses + p->lumps + 2 * p->ties) return "the nodes are not those of its parts";
     if (p->loads != 6 * p->interfaces + (p->masses ? 3 : 0)) return "the number of loads is not that of its interfaces";
-    if (p->placement > PLACE_DEFORMED || !is_flag(p->tied) || p->tied != (p->ties > 0) || !is_flag(p->curved) || (p->parts && !p->curved) ||
+    if (p->placement > PLACE_DEFORMED || !is_flag(p->tied) || p->tied != (p->ties > 0) || !is_flag(p->curved) || (p->parts && !p->curved) || p->bending > p->parts ||
         !is_flag(p->by_load_given) || !is_flag(p->by_mode_given) || !is_flag(p->judged) || !is_flag(p->inertial) ||
         !is_flag(p->spins) || p->spins > p->rigid || !is_flag(p->spin_inertia_given) || p->spin_inertia_given > p->spins)
         return "an option is out of range";
@@ -104,7 +104,7 @@ static const char *inconsistent(const Program *p) {
     for (int64_t i = 0; i < k; i++)
         if (p->parent[i] < -1 || p->parent[i] >= (i < s ? i : s)) return "a node hangs on what is not before it";
     if (p->curved) {
-        if (p->parts > 6 * k + p->stretches || p->bending > p->parts) return "the coordinates that bend are too many";
+        if (p->parts > 6 * k + p->stretches) return "the coordinates that bend are too many";
         int64_t numbers = 0, bends = 0;
         for (int64_t i = 0; i < p->parts; i++) {
             if (p->extent[i] < 1 || p->extent[i] > m) return "coordinates that bend are out of range";
