@@ -5,11 +5,13 @@ processes; timings never are.
 """
 
 import math
+import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from importlib import import_module
 from typing import Any, TypeVar
 
 import numpy as np
@@ -57,11 +59,7 @@ class Crew(AbstractContextManager["Crew"]):
     def __init__(self, jobs: int = 1):
         if jobs == 0 or jobs < -1:
             raise JobsError(f"jobs is {jobs}, expected 1 or more, or -1: one process for each core")
-        self.count = jobs
-        if jobs == -1:
-            import joblib
-
-            self.count = joblib.cpu_count()
+        self.count = jobs if jobs > 0 else import_module("joblib").cpu_count()
 
     def each(self, tasks: Sequence[Callable[[], T]]) -> Iterator[T]:
         """Do tasks, and yield their results in the order of the tasks as soon as they are there.
@@ -76,22 +74,25 @@ class Crew(AbstractContextManager["Crew"]):
         object
         """
         if self.count == 1 or len(tasks) < 2:
-            for task in tasks:
-                yield task()
+            yield from (task() for task in tasks)
             return
         import joblib
 
         with joblib.parallel_config(n_jobs=min(self.count, len(tasks)), backend="loky", inner_max_num_threads=1):
-            yield from joblib.Parallel(return_as="generator", batch_size=1)(joblib.delayed(task)() for task in tasks)
+            yield from joblib.Parallel(return_as="generator", batch_size=1)(joblib.delayed(_deaf)(t) for t in tasks)
 
     def __exit__(self, *_: object) -> None:
         """End the processes."""
         if self.count > 1:
-            import joblib
-
             # Otherwise they wait for more for some minutes.
             with suppress(Exception):
-                joblib.externals.loky.get_reusable_executor().shutdown(wait=False, kill_workers=True)
+                import_module("joblib").externals.loky.get_reusable_executor().shutdown(wait=False, kill_workers=True)
+
+
+def _deaf(task: Callable[[], T]) -> T:
+    """Do a task in another process, which is ended by who began it: Ctrl-C is for that one alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return task()
 
 
 # As in reduction/modes.py: the share of a static shape's strain energy below which modes hold it already.
