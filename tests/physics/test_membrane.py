@@ -24,7 +24,7 @@ from flexfmu.model.methods import Mass, Method
 from flexfmu.program.compile import compile_draft
 from flexfmu.reduction import membrane
 from flexfmu.reduction.bodies import fit_interface
-from flexfmu.reduction.fourth_order import slices
+from flexfmu.reduction.fourth_order import slices, without_resultants
 from flexfmu.reduction.membrane import _CLEAR, _FLAT, _LARGE, _NOTHING, _SHELL, Stretching
 from flexfmu.study.scene.reference import errors, references
 from meshes import bars, body_file, box, with_sets
@@ -382,3 +382,17 @@ def test_groups_of_stretches_have_the_energy_of_their_forms(random):
         expected = kept.sign @ (kept.quadratic @ state.q @ state.q) ** 2
         held = whole.energies(state)[0] - plain.energies(state)[0]
         assert held == pytest.approx(expected, rel=1e-9)
+
+
+def test_what_flattens_a_slice_has_no_force_and_no_moment(random):
+    """And what has none stays as it is; nodes of no slice keep their forces."""
+    points, sliced = random.normal(size=(20, 3)), [np.arange(8), np.arange(8, 17)]
+    forces = random.normal(size=(60, 2))
+    found = without_resultants(points, forces, sliced)
+    for nodes in sliced:
+        own = found.reshape(20, 3, 2)[nodes]
+        np.testing.assert_allclose(own.sum(axis=0), 0.0, atol=1e-12)
+        np.testing.assert_allclose(np.cross(points[nodes, :, None], own, axis=1).sum(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_array_equal(found[51:], forces[51:])
+    np.testing.assert_allclose(without_resultants(points, found, sliced), found, atol=1e-12)
+    assert np.linalg.norm(found) > 0.5 * np.linalg.norm(forces)
