@@ -23,9 +23,6 @@ from .runtime import Runtime
 
 # pythonfmu's base class of slaves and what it imports; the rest of the library is for building only.
 _SLAVE_LIBRARY = ("fmi2slave", "_version", "default_experiment", "enums", "logmsg", "variables")
-# The earliest date that the format knows: archives of the same contents are the same.
-# Level at which files beyond so many bytes are packed: in half the time, into a hundredth more.
-_DATE, _LEVEL, _LARGE = (1980, 1, 1, 0, 0, 0), 5, 2_000_000
 
 
 def package_fmu(
@@ -68,10 +65,11 @@ def fmu_bytes(body: ReducedBody, runtime: Runtime, cores: dict[str, bytes], fmi:
     whole = BytesIO()
     with zipfile.ZipFile(whole, "w") as archive:
         for name, data in sorted(_contents(body, runtime, cores, fmi).items()):
-            entry = zipfile.ZipInfo(name, _DATE)
+            # Of the earliest date that the format knows: archives of the same contents are the same.
+            entry = zipfile.ZipInfo(name)
             # Libraries can be loaded where the unpacking program keeps permissions.
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-            archive.writestr(entry, data, zipfile.ZIP_DEFLATED, _LEVEL if len(data) > _LARGE else None)
+            archive.writestr(entry, data, zipfile.ZIP_DEFLATED)
     return whole.getvalue()
 
 

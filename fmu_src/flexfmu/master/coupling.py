@@ -324,8 +324,6 @@ _OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema
 _FMU = "application/x-fmu-sharedlibrary"
 # Names of the system's inputs begin with it.
 _TABLE = "table."
-# The earliest date that the format knows: archives of the same contents are the same.
-_DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def write_ssp(file: Path, path: Path, report: Reporter) -> None:
@@ -373,7 +371,8 @@ def write_ssp(file: Path, path: Path, report: Reporter) -> None:
     }
     with whole_file(path) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
         for entry, data in files.items():
-            archive.writestr(zipfile.ZipInfo(entry, _DATE), data, zipfile.ZIP_DEFLATED)
+            # Of the earliest date that the format knows: archives of the same contents are the same.
+            archive.writestr(zipfile.ZipInfo(entry), data, zipfile.ZIP_DEFLATED)
     if inputs:
         named = ", ".join(_TABLE + text for text in inputs)
         report.warning(f"SSP has no tables: the master must feed the system's inputs {named}")

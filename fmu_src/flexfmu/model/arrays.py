@@ -79,7 +79,7 @@ def _table() -> dict[str, tuple[Entry, ...]]:
 _KINDS: dict[str, type] = {"float": float, "int": int, "str": str}
 ARRAYS = _table()
 """By what they are of: an attribute of `ReducedBody`, "body" or "stress"."""
-SECOND_BITS = 34, 20
+SECOND_BITS = 28, 17
 """Bits of what is of second order in a body, and in a shadow: estimates of 1e-5 differ by less than 1e-3 of them."""
 
 

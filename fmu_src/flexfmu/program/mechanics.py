@@ -242,7 +242,10 @@ def _turning(body: ReducedBody, frames: int) -> tuple[FloatArray, IntArray]:
     moved = np.concatenate([body.joint_rotation, body.joint_rotation[carried], body.interface_rotation[held], material])
     frame = np.concatenate([np.arange(frames), body.frame_parent[carried], body.interface_frame[held], on])
     own = np.where(frame[:, None, None] >= 0, body.frame_rotation[frame], 0.0)
-    return moved - own, np.maximum(frame, 0)
+    moved = moved - own
+    # Material's are as single as in the body.
+    moved[len(moved) - len(material) :] = moved[len(moved) - len(material) :].astype(np.float32)
+    return moved, np.maximum(frame, 0)
 
 
 def _put_ties(draft: Draft, ties: Ties, tree: Tree) -> None:
