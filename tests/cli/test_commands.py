@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import re
 import subprocess
 import sys
@@ -56,6 +57,17 @@ def test_info_of_a_file_needs_no_typer_and_says_the_same(fmu, more):
     done = subprocess.run(arguments, capture_output=True, text=True, encoding="utf-8", check=True)
     assert done.stdout == run("info", fmu, *more).stdout
     assert not {"typer", "pydantic"} & set(done.stderr.split())
+
+
+@pytest.mark.parametrize("words", [["--json"], [], ["--cost"]])
+def test_a_command_whose_reader_has_gone_ends_without_words(fmu, words):
+    """As after `| head`."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    arguments = [sys.executable, "-m", "flexfmu", "info", str(fmu), *words]
+    done = subprocess.run(arguments, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (1, "")
 
 
 def test_shells_complete_the_commands():

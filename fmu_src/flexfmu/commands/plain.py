@@ -35,18 +35,20 @@ def ends_in_words(command: Callable[..., None]) -> Callable[..., None]:
         from ..files.basics import INTERRUPTED, FlexfmuError, RuntimeBodyError
         from ..files.outputs import keeps_interrupts
 
+        console = Console(stderr=True, highlight=False)
         try:
             with keeps_interrupts():
                 command(*arguments, **options)
+        except BrokenPipeError:
+            # Who reads has seen enough, as `head` does.
+            console.on_broken_pipe()
         except (FlexfmuError, RuntimeBodyError, OSError, MemoryError, ImportError) as error:
-            console = Console(stderr=True, highlight=False)
             if LOUDNESS.get() == "verbose":
                 console.print_exception()
             console.print(f"[red]error:[/] {escape(str(error) or 'the memory does not suffice')}", soft_wrap=True)
             raise SystemExit(error.exit_code if isinstance(error, FlexfmuError) else 1) from error
         except KeyboardInterrupt as error:
-            words = escape(str(error) or "nothing was written")
-            Console(stderr=True, highlight=False).print(f"[red]ended by Ctrl-C;[/] {words}")
+            console.print(f"[red]ended by Ctrl-C;[/] {escape(str(error) or 'nothing was written')}")
             raise SystemExit(INTERRUPTED) from error
 
     return guarded

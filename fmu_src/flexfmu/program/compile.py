@@ -205,9 +205,8 @@ def _draft(body: ReducedBody, recipe: Recipe, mass: Mass) -> Draft:
         second_opinion(draft, body, recipe)
     if recipe.loads is LoadPlacement.DEFORMED and body.following_interfaces:
         # Only now: what has been found above is of loads of fixed direction.
-        following = [body.interface_names.index(name) for name in body.following_interfaces]
         draft.sizes["placement"] = PLACEMENT[LoadPlacement.DEFORMED]
-        draft.arrays["follower"] = np.array(following, dtype=np.int64)
+        draft.arrays["follower"] = np.array([body.interface_names.index(name) for name in body.following_interfaces])
     return draft
 
 
