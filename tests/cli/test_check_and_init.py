@@ -409,6 +409,14 @@ def test_no_length_that_is_told_is_round_off(tmp_path):
     assert "e-1" not in told
 
 
+def test_init_holds_no_set_without_nodes():
+    """SPC of grid points that no element has, as of springs' ends."""
+    mesh = box(ElementType.C3D20R, (2, 2, 1), (0.5, 0.05, 0.02))
+    mesh = replace(mesh, node_sets={"SPC 1": np.zeros(0, dtype=np.int64)})
+    found = tomllib.loads(starting_body_file(checked(mesh), Path("bar.bdf"), UnitSystem.SI))
+    assert [table["nodes"] for table in found["support"]] == [{"plane": [0.0, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}]
+
+
 def test_init_refuses_a_mesh_in_parts_and_says_how_many(tmp_path):
     """Build would hold one of them alone."""
     apart = twice(lug(ElementType.C3D10), np.array([0.2, 0.0, 0.0]))

@@ -44,6 +44,13 @@ def test_a_card_with_stiffness_mass_or_constraint_is_refused_by_name_and_line(tm
         read_mesh(_file(tmp_path, card))
 
 
+def test_a_file_without_grid_points_is_refused_in_words(tmp_path):
+    path = tmp_path / "body.bdf"
+    path.write_text("SOL 101\nCEND\nBEGIN BULK\nPARAM,POST,-1\nENDDATA\n")
+    with pytest.raises(MeshError, match=r"body\.bdf defines no grid points \(GRID\)"):
+        read_mesh(path)
+
+
 @pytest.mark.parametrize(
     "card",
     [

@@ -298,8 +298,7 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
     """
     part = connected_parts(mesh)
     # Corners of shells and beams are rigid links.
-    joined = [(part[link.nodes[0]], part[node]) for link in mesh.links for node in link.nodes]
-    pairs = np.array(joined, dtype=np.int64).reshape(-1, 2)
+    pairs = part[np.array([(one.nodes[0], node) for one in mesh.links for node in one.nodes], np.int64).reshape(-1, 2)]
     parts = np.sort(np.bincount(linked_pieces(pairs, int(part.max()) + 1)[part]))[::-1]
     if len(parts) > 1:
         raise MeshError(
@@ -334,10 +333,9 @@ def _named_ends(mesh: Mesh) -> _Ends | None:
     once = {np.unique(rows).tobytes(): (name, rows) for name, rows in [*mesh.node_sets.items()][::-1] if len(rows)}
     ends = {name: rows for name, rows in reversed(once.values()) if not elements_within(mesh, rows).size}
     held = [name for name in ends if _FIXED.search(name)]
-    taken = [node for name in held for node in ends[name]]
-    apart = [name for name, rows in ends.items() if not np.isin(rows, taken).any()]
+    apart = [name for name, rows in ends.items() if not np.isin(rows, [n for one in held for n in ends[one]]).any()]
     free = [name for name in apart if np.isin(ends[name], mesh.equations.indices // 3).mean() < _JOINED]
-    stepped = any(name.startswith(_HELD) for name in mesh.node_sets)
+    stepped = any(name.startswith(_HELD) and len(rows) for name, rows in mesh.node_sets.items())
     texts = [[(_name(name), toml_value(name)) for name in names] for names in (held, free)]
     return (texts[0], texts[1]) if held and free and not stepped else None
 
@@ -354,7 +352,7 @@ def _ends_and_bores(mesh: Mesh) -> _Ends | None:
     ends = {name: place for name, place in places.items() if reach[name] <= _SIDE * (side @ place.normal)}
     places = ends | holes
     rows = dict(mesh.node_sets) | {name: node_set(mesh, place, name) for name, place in places.items()}
-    steps = [name for name in mesh.node_sets if name.startswith(_HELD)]
+    steps = [name for name, own in mesh.node_sets.items() if name.startswith(_HELD) and len(own)]
     held = [name for name in steps if name.split()[1] == steps[0].split()[1]] or list(places)[:1]
     apart = [name for name in places if not any(np.isin(rows[name], rows[end]).any() for end in held)]
     eyes = [name for name in holes if name not in apart and not steps]

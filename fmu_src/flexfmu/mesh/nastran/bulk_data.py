@@ -97,6 +97,8 @@ def read_nastran(path: Path, units: UnitSystem) -> Contents:
         model = bdf.BDF(debug=None)
         model.disable_cards({name for name in model.cards_to_read if _UNREAD.fullmatch(name)})
         model.read_bdf(source, xref=False, punch=punch, encoding="latin-1")
+    if not model.nodes:
+        raise MeshError(f"{path} defines no grid points (GRID); give a file that holds the body's mesh")
     with node_cards.placed(path), quiet(path, "check its coordinate systems and materials"):
         contents = _contents(model, path, units)
     if not ended:
