@@ -6,6 +6,7 @@ import pytest
 from flexfmu.files.basics import MeshError
 from flexfmu.mesh.checks import checked, connected_parts, jacobian_determinants
 from flexfmu.mesh.elements import ElementBlock, ElementType
+from flexfmu.mesh.formats import read_mesh
 from flexfmu.mesh.model import NO_MATERIAL, Mesh
 
 TETRA = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], float)
@@ -167,3 +168,17 @@ def test_parts_reach_across_blocks():
         for label, rows in ((1, np.array([[0, 1, 2, 3]])), (2, np.array([[3, 4, 5, 6]])))
     )
     assert connected_parts(replace(mesh, blocks=(first, second))).tolist() == [0] * 7 + [1]
+
+
+def test_nodes_left_out_leave_rotations_that_shells_are_held_by(tmp_path):
+    """They are equations of the same width as others."""
+    deck = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n9,5,5,5\n*ELEMENT,TYPE=S4,ELSET=E\n1,1,2,3,4\n"
+    deck += "*SHELL SECTION,ELSET=E,MATERIAL=M\n.1\n*MATERIAL,NAME=M\n*ELASTIC\n2e11,.3\n*BOUNDARY\n1,1,4\n"
+    path = tmp_path / "sheet.inp"
+    path.write_text(deck)
+    mesh = read_mesh(path)
+    held = checked(mesh)
+    assert 0 < held.supports.shape[0] == mesh.supports.shape[0]
+    assert held.supports.shape[1] == held.points.size < mesh.points.size
+    own, before = (one.points[np.unique(one.supports.indices // 3)] for one in (held, mesh))
+    np.testing.assert_array_equal(own, before)

@@ -176,9 +176,7 @@ def _unsound(points: FloatArray, block: ElementBlock) -> BoolArray:
 
 
 def _without_unused_nodes(mesh: Mesh) -> Mesh:
-    used = np.zeros(len(mesh.points), dtype=bool)
-    for block in mesh.blocks:
-        used[block.connectivity] = True
+    used = np.isin(np.arange(len(mesh.points)), np.concatenate([one.connectivity.ravel() for one in mesh.blocks]))
     # Nodes of beams that are points beside the corners there.
     used |= np.isin(mesh.labels, mesh.labels[used])
     # And of those in equations the ones on which something hangs, or that are rigid with others.
@@ -198,7 +196,8 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
     if emptied := [name for name, left in node_sets.items() if len(mesh.node_sets[name]) and not len(left)]:
         notes.append(f"node sets that hold none but such nodes are empty now: {listed(emptied)}")
     # What the file holds of such a node is zero, the rest of it is eliminated.
-    kept = mesh.equations @ sp.diags_array((~(mesh.fixed & ~used[:, None])).ravel().astype(float))
+    held, gone = sp.diags_array((~(mesh.fixed & ~used[:, None])).ravel().astype(float)), np.repeat(~used, 3)
+    both = (sp.csr_array(without(one @ held, gone)[:, ~gone]) for one in (mesh.equations, mesh.supports))
     return replace(
         mesh,
         points=mesh.points[used],
@@ -207,7 +206,7 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
         node_sets=node_sets,
         fixed=mesh.fixed[used],
         notes=(*mesh.notes, *notes),
-        equations=sp.csr_array(without(kept, np.repeat(~used, 3))[:, np.repeat(used, 3)]),
+        **dict(zip(("equations", "supports"), both, strict=True)),
         **hung(mesh, lambda nodes: rows[nodes[used[nodes]]]),
         # A reference point that several have makes one of them.
         links=tuple(
