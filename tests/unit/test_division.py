@@ -1,6 +1,6 @@
 """Automatic division: the tree follows the body, and the answer converges with the number of frames."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -11,12 +11,13 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.reduce import reduce_body
 from flexfmu.files.basics import BodyFileError, MeshError
 from flexfmu.files.outputs import Reporter
-from flexfmu.mesh.elements import ElementType
+from flexfmu.mesh.checks import checked
+from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import GROUND
 from flexfmu.reduction.division import Joints, distance_along, divide, divide_branches
 from flexfmu.reduction.subdomains import division_warnings
-from meshes import EVERY_TYPE, arc, bars, body_file, box, lattice, renumbered, with_sets
+from meshes import EVERY_TYPE, arc, bars, body_file, box, grid, lattice, renumbered, with_sets
 from references import relative
 
 pytestmark = pytest.mark.slow
@@ -35,6 +36,24 @@ def fork(kind, width=0.1):
     return with_sets(bars(kind, runs, width), ROOT=lambda p: p[:, 0])
 
 
+def chessboard():
+    """Bricks on a solid foot that only edges join to each other."""
+    cells = np.array([c for c in grid(8, 3, 3) if c[0] == 0 or c.sum() % 2 == 0])
+    return with_sets(lattice(ElementType.C3D8, cells, lambda p: 0.01 * p), ROOT=lambda p: p[:, 0])
+
+
+def bricks_and_tetrahedra():
+    """A bar whose two middle bricks are six tetrahedra each: faces of theirs are halves of those beside them."""
+    mesh = box(ElementType.C3D8, (6, 1, 1), (0.6, 0.1, 0.1))
+    (block,) = mesh.blocks
+    order = np.argsort(mesh.points[block.connectivity].mean(axis=1)[:, 0])
+    bricks, cut = block.connectivity[order[[0, 1, 4, 5]]], block.connectivity[order[2:4]]
+    six = [[0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6]]
+    own = replace(block, labels=np.arange(4), connectivity=bricks, material=block.material[:4])
+    tetrahedra = ElementBlock(ElementType.C3D4, np.arange(4, 16), cut[:, six].reshape(-1, 4), np.zeros(12, np.int64))
+    return checked(replace(mesh, blocks=(own, tetrahedra), element_sets={}))
+
+
 def portal(kind, bays):
     """Feet at y = 0 under a beam; every bay closes a loop through the ground."""
     feet = [14 * k for k in range(bays + 1)]
@@ -47,6 +66,15 @@ def window(kind):
     stem = [((0, 6, 0), (3, 7, 1))]
     ring = [((4, 0, 0), (5, 13, 1)), ((16, 0, 0), (17, 13, 1)), ((4, 0, 0), (17, 1, 1)), ((4, 12, 0), (17, 13, 1))]
     return with_sets(bars(kind, stem + ring, 0.1), ROOT=lambda p: p[:, 0])
+
+
+@pytest.mark.parametrize("made", [chessboard, bricks_and_tetrahedra])
+def test_what_hangs_together_by_edges_or_by_halves_of_faces_is_a_chain_of_pieces_that_touch(made):
+    mesh = made()
+    found = divided(mesh, 3).subdomains
+    assert [one.parent for one in found] == [GROUND, 0, 1]
+    for one in found[1:]:
+        assert np.intersect1d(one.body.nodes, found[one.parent].body.nodes).size >= 4
 
 
 BODIES = {

@@ -271,16 +271,12 @@ def read_given(path: str | Path) -> GivenModes:
             rows, columns, values = (contents[key] for key in sparse[:3])
             mass = sp.csr_array(sp.coo_array((values, (rows, columns)), shape=(size, size)))
         text = {key: str(contents[key]) for key in ("units", "name") if key in contents}
-        sets, cells = (_named(contents, prefix) for prefix in ("set_", "cells_"))
+        sets, cells = ({k[len(p) :]: v for k, v in contents.items() if k.startswith(p)} for p in ("set_", "cells_"))
         first = contents["nodes"], contents["modes"], contents["frequency"]
         rest = contents.get("damping"), UnitSystem(text.get("units", UnitSystem.SI.value))
         return GivenModes(*first, mass, sets, cells, *rest, text.get("name", source.stem))
     except (ValueError, TypeError, GivenModesError) as error:
         raise GivenModesError(f"{source}: {error}") from error
-
-
-def _named(contents: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    return {key.removeprefix(prefix): value for key, value in contents.items() if key.startswith(prefix)}
 
 
 def _npz(path: Path) -> dict[str, Any]:

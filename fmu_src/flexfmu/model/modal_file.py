@@ -31,13 +31,11 @@ _LINKS.set_create_intermediate_group(True)
 FRAME_CONVENTION = "global Cartesian frame of the finite element model; rotation vectors about its axes"
 
 
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(filter(None, text.split(",")))
-
-
 # How the body is used, by its attributes, which are the file's: what reads each.
 _KEPT: dict[str, Callable[[Any], Any]] = {"method": Method, "mass": Mass, "velocity_outputs": bool}
-_KEPT |= dict.fromkeys(("compliance_interfaces", "following_interfaces"), _names)
+_KEPT |= dict.fromkeys(
+    ("compliance_interfaces", "following_interfaces"), lambda text: tuple(filter(None, text.split(",")))
+)
 _KEPT |= {"root_interface": int, "floating": bool, "tolerance": float}
 
 

@@ -291,7 +291,7 @@ def third_order_loads(
         return (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
 
     with matrices.report.stage("Find static shapes of third order"):
-        own = _by_interface_of_part if part else _by_interface
+        own = partial(_by_interface, stiff=_ALONG) if part else _by_interface
         for which, number in ((_together, most[0]), (own, most[1] * count)):
             forces, answer = _answered(matrices, loads, which)
             free, known = model.forces(forces), held(forces)
@@ -353,10 +353,6 @@ def _answered(
 def _together(matrices: Matrices, loads: FloatArray) -> Iterator[_Motions]:
     """The softest motions of all loads, each at 0.5 rad."""
     yield softest_motions(matrices, loads)
-
-
-def _by_interface_of_part(matrices: Matrices, loads: FloatArray) -> Iterator[_Motions]:
-    return _by_interface(matrices, loads, _ALONG)
 
 
 def _by_interface(matrices: Matrices, loads: FloatArray, stiff: float = _STIFFER) -> Iterator[_Motions]:

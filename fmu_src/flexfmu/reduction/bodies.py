@@ -14,7 +14,7 @@ from ..model.reduced_body import GROUND, ReducedBody, WholeFrame
 from . import subdomains as domains
 from .division import Joints, divide, divide_branches, open_loops
 from .model import Model
-from .options import Basis, BodyOptions, BodyUse, BranchJoints, InterfaceNodes, Nodes, node_set, reference
+from .options import Basis, BodyOptions, BodyUse, InterfaceNodes, node_set, reference
 from .rigid_fit import Weighted, by_node, rigid_fit
 from .supported import Supported
 
@@ -46,8 +46,10 @@ def body_subdomains(config: BodyOptions, model: Model) -> tuple[list[domains.Sub
     # Parts of a cut body turn with their ties: their coordinates are no rigid motions any more.
     top = [] if config.cuts else root_frame(model)
     if config.branches:
+        # Or a section's in a part of a cut body.
+        ends = {one.name: one.nodes for one in config.interfaces}
         branches = [
-            Joints(b.toward, node_set(mesh, _end(config, b), f"[[branch]] toward {b.toward!r}"), b.joints)
+            Joints(b.toward, node_set(mesh, ends.get(b.toward, b.toward), f"[[branch]] toward {b.toward!r}"), b.joints)
             for b in config.branches
         ]
         division = divide_branches(mesh, anchored, branches)
@@ -92,11 +94,6 @@ def root_frame(model: Model) -> list[domains.Subdomain]:
         return []
     found = domains.hinge_frame(model.mesh, model.rigid, np.asarray(model.fixed.all(axis=1)))
     return [] if found is None else [found]
-
-
-def _end(config: BodyOptions, branch: BranchJoints) -> Nodes:
-    """Node set at which a branch ends: an interface's, or that of a section in a part of a cut body."""
-    return next((i.nodes for i in config.interfaces if i.name == branch.toward), branch.toward)
 
 
 def _advised(loops: Sequence[str]) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..files.basics import BodyFileError, FloatArray, IntArray, MeshError
+from ..mesh.checks import nodes_of_elements
 from ..mesh.elements import FaceBlock
 from ..mesh.equations import coupled_nodes
 from ..mesh.model import Mesh, once
@@ -32,8 +33,9 @@ _FRAGMENT = 0.1
 _DIGITS = 9
 # Corners of bricks; of sheets with four those of both faces.
 _BRICK = 8
-# Least distance between nodes that an equation joins, over the body's size: a graph's edge of none is no edge.
-_TOUCHING = 1e-12
+# Least distance between nodes that an equation joins, over the body's size: a graph's edge of none is no edge. And what
+# an edge or a corner holds where no face does, over a face.
+_TOUCHING, _EDGE = 1e-12, 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +228,14 @@ def _corner_areas(at: FloatArray) -> FloatArray:
 def linked(mesh: Mesh) -> sp.csr_array:
     """Elements that share a face, or whose outer faces equations join, (e, e) with the area in common."""
     link = neighbours(mesh.points, mesh.faces, mesh.element_count)
+    count, part = connected_components(link, directed=False)
+    if count > 1:
+        # Faces that are halves of others, of tetrahedra on bricks, have three corners in common; edges hold little.
+        corners = np.unique(np.concatenate([b.connectivity[:, : b.type.corner_count].ravel() for b in mesh.blocks]))
+        met = sp.coo_array((uses := nodes_of_elements(mesh)[:, corners]) @ uses.T)
+        area = np.minimum(mesh.volumes[met.row], mesh.volumes[met.col]) ** (2.0 / 3.0)
+        area *= (part[met.row] != part[met.col]) * np.where(met.data < 3.0, _EDGE, 1.0)
+        link = sp.csr_array(link.maximum(sp.csr_array(sp.coo_array((area, (met.row, met.col)), link.shape))))
     if not mesh.equations.shape[0]:
         return link
     joined = coupled_nodes(mesh.equations)

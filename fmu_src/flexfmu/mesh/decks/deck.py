@@ -1,7 +1,7 @@
 """Reader of Abaqus and CalculiX decks: a body's mesh, sets, materials and supports from the model part."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -107,7 +107,10 @@ def _mesh(content: "_Content", deck: Deck) -> tuple[Mesh, BoolArray]:
     rows += _equations(content, deck, surfaces, points, axes, used | {*np.nonzero(fixed)[0].tolist()})
     couplings = resolved(content.couplings, deck, own)
     turning = {row for block in blocks if block.type.beam for row in block.connectivity.ravel().tolist()}
-    carriers = Carriers(deck, points * units.length, fixed, used | _tied(rows, fixed), turning, couplings)
+    # Nodes whose displacement equations and supports determine in all directions carry, too.
+    keys = {key for row in rows for key in row}
+    tied = {key // 3 for key in keys if all(3 * (key // 3) + k in keys or fixed[key // 3, k] for k in range(3))}
+    carriers = Carriers(deck, points * units.length, fixed, used | tied, turning, couplings)
     heavy, soft = ([card for key in keys for card in content.cards[key]] for keys in (MASSES, SPRINGS))
     masses = point_masses(heavy, carriers)
     springs = deck_springs(soft, carriers, content.materials.orientations, axes.keys())
@@ -276,12 +279,6 @@ def _transformed(content: _Content, node_sets: SetTable, points: FloatArray) -> 
         kind = {"R": "RECTANGULAR", "C": "CYLINDRICAL"}.get(given := card.parameters.get("TYPE", "R").upper(), given)
         found |= zip(rows, orientation(replace(card, parameters={"SYSTEM": kind})).axes(points[rows]), strict=True)
     return found
-
-
-def _tied(rows: Sequence[Mapping[int, float]], fixed: BoolArray) -> set[int]:
-    """Nodes whose displacement equations and supports determine in all directions."""
-    keys = {key for row in rows for key in row}
-    return {key // 3 for key in keys if all(3 * (key // 3) + k in keys or fixed[key // 3, k] for k in range(3))}
 
 
 def _equations(

@@ -209,7 +209,9 @@ def _tight_model(
         title = f"Follow {case.name} with {body.mode_count} modes and {body.frame_count} frames, {steps} steps"
         with report.counted(title, steps, "steps") as tell:
             try:
-                return {"motion": follow(model, case, tell), "doubt": np.array(_static_error(scene, known, model))}
+                still = errors(replace(scene, transient=()), known, model)
+                doubt = math.inf if still.failure else still.static_displacement
+                return {"motion": follow(model, case, tell), "doubt": np.array(doubt)}
             except StepError as error:
                 found = f"{case.name}: the reference model refuses a step: {error}"
                 raise SceneError(f"{found}; take other numbers in [reference], or bring results") from error
@@ -223,12 +225,6 @@ def _tight_model(
     _tell_doubt(f"the reference model of {case.name}", doubt, scene.file.tolerance.transient, advice, report)
     words = f"reduced model, {settings.modes} modes and static shapes, frames = {settings.frames}, mass {mass.value}"
     return Reference(kept["motion"][:, scene.read_index], words, doubt=doubt)
-
-
-def _static_error(scene: Scene, known: Mapping[str, Reference], model: FlexibleBody) -> float:
-    """Largest relative displacement error of a model in the static cases; infinite where it has no equilibrium."""
-    found = errors(replace(scene, transient=()), known, model)
-    return math.inf if found.failure else found.static_displacement
 
 
 def follow(model: FlexibleBody, case: TransientCase, tell: Tell = tell_nobody) -> FloatArray:
