@@ -66,6 +66,7 @@ def test_every_row_of_the_table_is_a_variable_of_some_body_and_every_variable_is
         replace(with_polynomial(everything), velocity_outputs=True),
         replace(free, shadow=Shadow(free, np.eye(9))),
         random_body(1, compliance_interfaces=("port_0", "port_2"), root_interface=1),
+        replace(held := random_body(1), shadow=Shadow(held, np.eye(held.mode_count))),
     ]
     words = {"NAME": r"port_\d", "OTHER": r"port_\d", "AXIS": "[xyz]", "ROW": "[ur][xyz]", "COLUMN": "[fm][xyz]"}
     patterns = {row.name: re.sub("|".join(words), lambda found: words[found[0]], re.escape(row.name)) for row in rows()}

@@ -432,8 +432,8 @@ class OutputTable(Table):
     error
         Tell the error of the motion: the body is reduced once more, finer.
     tolerance
-        Relative error above which the FMU warns: `watch.error.limit`, `watch.truncation.limit`,
-        `watch.inertia_missed.limit` and `watch.steps_missed.limit` start with it. Default: theirs, 0.01
+        Relative error above which the FMU warns: the limits of `watch.error`, `watch.truncation`,
+        `watch.inertia_missed`, `watch.steps_missed` and `watch.softness_missed` start with it. Default: theirs, 0.01
     """
 
     velocities: bool = False

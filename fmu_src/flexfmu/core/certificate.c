@@ -8,6 +8,7 @@
 #include "forces.h"
 #include "membrane.h"
 #include "motion.h"
+#include "shares.h"
 #include "stability.h"
 #include "statics.h"
 #include "tree.h"
@@ -24,14 +25,14 @@ typedef struct {
     ForceRoom scratch;
     TangentRoom tangents;
     Stretch stretch;
-    double *q, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *pulled, *moved, *other, *plain, *bent, *error, *found, *rates, *turned, *work;
+    double *q, *start, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *pulled, *moved, *other, *plain, *bent, *error, *found, *rates, *turned, *work;
     int64_t *pivot;
     double blocks[2 * BLOCKS];
 } Room;
 /* Numbers found on the way: the largest deflection, and that by inertia; how soft an interface is; by how much second order
- * within frames moves interfaces, of that what more frames do not change, flattening, and membrane energy; strain; how the
- * error is looked for again. */
-enum { REACH, TURNED, INERTIA, SOFT, OWN, WITHIN, FLAT, FLAT_TURNED, STRAIN, OTHERWISE, FOUND };
+ * within frames moves interfaces, of that what more frames do not change, flattening, and membrane energy; strain; how much softer
+ * than the body the shadow is along the motion, over twice its energy; how the error is looked for again. */
+enum { REACH, TURNED, INERTIA, SOFT, OWN, WITHIN, FLAT, FLAT_TURNED, STRAIN, SLACKER, OTHERWISE, FOUND };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = body->p;
@@ -43,6 +44,7 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     take_tangent_room(body, arena, &room->tangents);
     take_stretch(body, arena, &room->stretch);
     room->q = take(arena, m);
+    room->start = take(arena, m);
     room->left = take(arena, m);
     room->tangent = take(arena, m * m);
     room->scaled = take(arena, m * m);
@@ -284,53 +286,6 @@ static double deflection_by(const Body *body, const double *force, Room *room, d
     return largest;
 }
 
-/* Errors that are none but round-off, over the deflection and over the size of the body. */
-static const double OF_DEFLECTION = 1e-9, OF_SIZE = 1e-13;
-
-/* Where interfaces turn about themselves their deflection is that at an arm, of so much of the body's size. */
-static const double ARM = 0.01;
-/* What an error of rotation counts: 2 % of one are as bad as 1 % of a displacement. */
-static const double HALF = 0.5;
-
-/* How far interfaces are from where the body hangs. */
-static double span_of(const Program *p) {
-    double size = 0.0;
-    for (int64_t i = 0; i < p->interfaces; i++) {
-        double from[3];
-        for (int c = 0; c < 3; c++) from[c] = p->point[3 * (p->frames + i) + c] - p->point[c];
-        size = fmax(size, norm(from, 3));
-    }
-    return size;
-}
-
-/* The largest angle by which interfaces are turned, of their distances and angles (I, 2). */
-static double largest_turn(const Program *p, const double *by) {
-    double angle = 0.0;
-    for (int64_t i = 0; i < p->interfaces; i++) angle = fmax(angle, by[2 * i + 1]);
-    return angle;
-}
-
-/* The deflection of interfaces that are moved and turned by distances and angles (I, 2), of which `largest` is the largest. */
-static double reach_of(const Program *p, const double *by, double largest) {
-    return fmax(largest, ARM * span_of(p) * largest_turn(p, by));
-}
-
-/* What an error of an angle counts as one of a deflection: half of it over the largest angle or the deflection's. */
-static double as_moved(const Program *p, double error, double deflection, double angle) {
-    const double span = span_of(p), wide = span > 0.0 ? fmax(angle, deflection / span) : 0.0;
-    return wide > 0.0 ? HALF * error / wide * deflection : 0.0;
-}
-
-/* The largest error over a deflection, that of angles too; 0 of a body at rest. */
-static double share_of(const Program *p, const double *error, double deflection, double angle) {
-    double size = 0.0, largest = 0.0;
-    /* An interface at the origin is known exactly, what carries it is not. */
-    for (int64_t i = 0; i < p->frames + p->interfaces; i++) size = fmax(size, norm(p->point + 3 * i, 3));
-    for (int64_t i = 0; i < p->interfaces; i++) largest = fmax(largest, error[2 * i]);
-    largest = fmax(reach_of(p, error, largest), as_moved(p, largest_turn(p, error), deflection, angle));
-    return largest > fmax(OF_DEFLECTION * deflection, OF_SIZE * size) ? largest / fmax(deflection, OF_SIZE * size) : 0.0;
-}
-
 /* What goes onto the bound: half of the errors beyond 0.3 % are estimated below 0.6 of what they are. */
 static const double MARGIN = 1.25;
 /* The deflection by what flattens sections, and how far it turns interfaces. */
@@ -393,6 +348,7 @@ static int body_at(Body *body, const Body *shadow, const double *inputs, const d
     const Rows now = rows_due(slice, shadow->p->modes, (double)(6 * n));
     rows_times(shadow->p->embedding + now.at * n, q, room->q + now.at, now.end - now.at, n);
     if (shadow->opened->keeps_shapes) move_along_shapes(body, shadow, q, room);
+    if (due(slice, (double)shadow->p->modes)) memcpy(room->start, room->q, (size_t)shadow->p->modes * sizeof(double));
     take_configuration(body, &arena, &at);
     if (arena.refused) return fails(slice);
     if (due(slice, cost)) {
@@ -428,6 +384,19 @@ static int has_opened(const Program *s, const Program *p) {
     for (int64_t t = 0; t < s->ties && s->ties > p->ties; t++)
         if (s->parent[s->nodes - s->ties + t] >= 0) return 1;
     return 0;
+}
+
+/* How much softer the shadow is than the body along the motion that led to where its steps began, over twice the energy there: of
+ * what bodies that are right to second order miss, a share that grows with the energy. Forces that no motion of the body works on,
+ * as of loads that it holds by static shapes not at all, have no part in it. */
+static double softer_along(const Body *shadow, const Room *room) {
+    double along = 0.0, energy = 0.0;
+    for (int64_t a = shadow->p->rigid; a < shadow->p->modes; a++) {
+        const double force = shadow->opened->stiffness[a] * room->start[a];
+        along += force * (room->q[a] - room->start[a]);
+        energy += force * room->start[a];
+    }
+    return energy > 0.0 ? fabs(along) / energy / energy : 0.0;
 }
 
 void pieces_of_error(Body *body, Body *shadow, const double *inputs, const double *q, Arena arena, Slice *slice) {
@@ -466,6 +435,7 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
         }
         if (due(slice, CALLS + (double)(2 * body->p->stretch_numbers))) room->found[FLAT] = moved_by_flattening(body, room, q);
         if (due(slice, CALLS + (double)(6 * body->p->strains * body->p->modes))) room->found[STRAIN] = body_strain(body, q);
+        if (due(slice, (double)(6 * shadow->p->modes)) && !done_otherwise(slice, room, EASED)) room->found[SLACKER] = softer_along(shadow, room);
     } else if (!slice || slice->failed) {
         room->found[SOFT] = 0.0;
     }
@@ -488,6 +458,8 @@ void error_found(const Body *body, const Body *shadow, Arena arena, double *erro
                           found[STRAIN], third);
     for (int64_t i = 0; i < 2 * p->interfaces; i++) error[i] = *share == 0.0 ? 0.0 : room->error[i];
 }
+
+double softer_found(const Body *shadow, Arena arena) { return room_in(shadow, &arena, 0)->found[SLACKER]; }
 
 int body_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection, double *share,
                double *bound) {

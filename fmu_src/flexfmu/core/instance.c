@@ -81,7 +81,7 @@ static Overwritten take_overwritten(const Instance *x, Arena *arena) {
     double **by_load[] = {&over.start_inputs, &over.end_inputs, &over.room}, **by_mode[] = {&over.q1, &over.v1, &over.shape};
     for (size_t i = 0; i < sizeof by_load / sizeof *by_load; i++) *by_load[i] = take(arena, x->loads);
     for (size_t i = 0; i < sizeof by_mode / sizeof *by_mode; i++) *by_mode[i] = take(arena, x->modes);
-    over.seen = take(arena, x->loads + 3 * x->modes);
+    over.seen = take(arena, x->loads + 5 * x->modes);
     over.astray = take(arena, 3 * x->modes);
     return over;
 }
@@ -100,7 +100,7 @@ static void lay_out(Instance *x, Arena *arena) {
     x->q = take(arena, x->modes);
     x->v = take(arena, x->modes);
     x->seen = take(arena, x->loads);
-    x->drift = take(arena, 3 * x->modes);
+    x->drift = take(arena, 5 * x->modes);
     x->astray = take(arena, 3 * x->modes);
     x->states = take(arena, STATES * (x->modes + x->loads));
     x->number_count = arena->used - before;

@@ -58,7 +58,7 @@ enum {
 };
 
 /* What calls overwrite: loads at a step's start and end, (L) like `room`; where it ends, (m) like `shape`; loads that were last looked
- * at, and drift, (L + 3m); where steps have led astray, (3m). */
+ * at, and drift, (L + 5m); where steps have led astray, (3m). */
 typedef struct {
     double *start_inputs, *end_inputs, *seen, *astray, *room, *q1, *v1, *shape;
 } Overwritten;

@@ -43,7 +43,7 @@ static int sensible(const Instance *x, const double *numbers) {
         if (!isfinite(numbers[x->q - x->numbers + i])) return 0;
     const double kind = single[S_LOOKING + 1];
     if (!(kind >= 0.0 && kind < LOOKS) || kind != floor(kind)) return 0;
-    for (int64_t i = 0; i < 6 * x->modes; i++)
+    for (int64_t i = 0; i < 8 * x->modes; i++)
         if (!isfinite(numbers[x->drift - x->numbers + i])) return 0;
     for (int64_t i = 0; i < STATES * (x->modes + x->loads); i++)
         if (!isfinite(numbers[x->states - x->numbers + i])) return 0;

@@ -46,6 +46,8 @@ static double diagnose_truncation(Instance *x) { return of_course(x, offsetof(Co
 static double diagnose_inertia(Instance *x) { return of_course(x, offsetof(Course, astray.error[BY_MASS])); }
 static double diagnose_astray(Instance *x) { return of_course(x, offsetof(Course, astray.error[BY_STEPS])); }
 
+static double diagnose_softness(Instance *x) { return of_course(x, offsetof(Course, astray.error[BY_SOFTNESS])); }
+
 static double diagnose_step_error(Instance *x) { return x->single[S_ERROR]; }
 
 static double diagnose_strain_energy(Instance *x) {

@@ -66,7 +66,7 @@ void fetch_step(const Instance *x) {
     fetch(x->motion, x->single + S_COUNT);
     if (!x->body) return;
     fetch_body(x->body);
-    fetch(x->q, x->seen + x->loads + (steps_are_exact(x->body) ? 0 : 6 * x->modes));
+    fetch(x->q, x->seen + x->loads + (steps_are_exact(x->body) ? 0 : 8 * x->modes));
     if (x->single[S_LOOKING] == 0.0) return;
     fetch(x->states, x->states + x->modes + x->loads);
     fetch(x->pieces.arena.start, x->pieces.arena.start + LAID_OUT);
@@ -110,6 +110,7 @@ void inspect_rest(Instance *x) {
     Findings found;
     finish_looks(&monitor, &memory, &found);
     find_truncation(&monitor, &memory, &found);
+    find_softness(&monitor, &memory, &found);
     keep_memory(x, &memory);
     tell_warnings(x, &found);
 }
@@ -165,9 +166,9 @@ Answer inspect(Instance *x, const double *q, const double *v, double step, const
         memory.astray = x->over->astray;
         if (!all_finite(memory.astray, 3 * m)) memset(x->over->astray, 0, (size_t)(3 * m) * sizeof(double));
     }
-    if (rests) end.zero = (x->cached & CACHED_ZERO) || (all_zero(q, m) && all_zero(v, m) && all_zero(x->drift, 3 * m) && all_zero(x->astray, 3 * m));
+    if (rests) end.zero = (x->cached & CACHED_ZERO) || (all_zero(q, m) && all_zero(v, m) && all_zero(x->drift, 5 * m) && all_zero(x->astray, 3 * m));
     /* A body at rest is where it was. */
-    const size_t size = (size_t)m * sizeof(double), kept = (size_t)(x->loads + 3 * x->modes) * sizeof(double);
+    const size_t size = (size_t)m * sizeof(double), kept = (size_t)(x->loads + 5 * x->modes) * sizeof(double);
     const int still = rests || (step > 0.0 && (x->cached & CACHED_MOTION) && memcmp(q, x->q, size) == 0 && memcmp(v, x->v, size) == 0);
     x->cached = 0;
     if (!still && !find_motion_at(x, q, v)) return instance_lacks_room(x, why);

@@ -20,9 +20,10 @@ typedef struct {
 } Watch;
 
 /* Of the error: the largest deflection of the interfaces so far, m; strain energy when it was last looked at, and the largest
- * then; steps since; its largest bound so far. */
+ * then; steps since; its largest bound so far; how much softer than the body the shadow was along the motion where that had the
+ * most energy, over it, and twice that energy. */
 typedef struct {
-    double deflection, energy, largest, steps, bound;
+    double deflection, energy, largest, steps, bound, softer, softened;
 } ErrorMemory;
 
 /* Of the whole motion so far. */
@@ -62,7 +63,7 @@ typedef struct {
 /* What the monitor remembers: all of it is state. */
 typedef struct {
     double *inputs;          /* (L): loads for which stability was last looked at */
-    double *drift;           /* (3, m): of what the mass leaves out */
+    double *drift;           /* (5, m): of what the mass leaves out, and what it would be by forces that grow as energy does */
     const double *astray;    /* (3, m): of what steps leave out, which they follow themselves */
     double *states;          /* (STATES, m + L): q and loads that are looked at, and of those that wait */
     Looking looking;
@@ -108,6 +109,9 @@ int silenced(const Watch *watch, double warned);
 char *add_finding(Findings *found, OnLimit action, double *warned);
 /* The interface that has moved farthest, and how far: of a body that can move freely, against the first one. */
 double farthest(const Program *p, const double *motion, int64_t *interface);
+
+/* How much softer than the body its shadow is along the motion, over twice the energy; 0 as long as no look has met as much as there was. */
+double softer_at_most(const ErrorMemory *seen);
 
 /* Room that looks take. */
 int64_t look_size(const Body *body, const Body *shadow);

@@ -130,11 +130,22 @@ static void turning_round(const Monitor *monitor, const StepEnd *end, Memory *me
     if (text) snprintf(text, FINDING_TEXT, SAY_TURNING_ROUND);
 }
 
+void find_softness(const Monitor *monitor, Memory *memory, Findings *found) {
+    const Watch *watch = monitor->watch + WATCH_SOFTNESS;
+    const Program *p = monitor->body->p;
+    body_off_by_softness(monitor->body, softer_at_most(&memory->error), &memory->course.astray);
+    const double error = memory->course.astray.error[BY_SOFTNESS];
+    if (!(watch->limit > 0.0) || !(error > watch->limit)) return;
+    char *text = add_finding(found, watch->action, &memory->warned[WATCH_SOFTNESS]);
+    if (text) snprintf(text, FINDING_TEXT, SAY_SOFTNESS, 100.0 * error, 100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_ERROR));
+}
+
 static void going_astray(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found) {
-    static const int watches[CAUSES] = {WATCH_INERTIA, WATCH_ASTRAY};
+    static const int watches[BY_SOFTNESS] = {WATCH_INERTIA, WATCH_ASTRAY};
     Body *body = monitor->body;
     body_astray(body, end, memory->drift, memory->astray, monitor->shape, &memory->course.astray);
-    for (int k = 0; k < CAUSES; k++) {
+    find_softness(monitor, memory, found);
+    for (int k = 0; k < BY_SOFTNESS; k++) {
         const Watch *watch = monitor->watch + watches[k];
         const double error = memory->course.astray.error[k];
         char *text = watch->limit > 0.0 && error > watch->limit ? add_finding(found, watch->action, memory->warned + watches[k]) : 0;

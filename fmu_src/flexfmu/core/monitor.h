@@ -17,6 +17,8 @@ int within_bounds(Body *body, const Bounds *bounds, const StepEnd *end, char *wh
 int deforms_little(const Monitor *monitor, const Bounds *bounds, const double *q, const Memory *memory);
 /* Warn of truncation, whether the motion still grows or not. */
 void find_truncation(const Monitor *monitor, Memory *memory, Findings *found);
+/* Warn of how soft the body is, by what is known of it. */
+void find_softness(const Monitor *monitor, Memory *memory, Findings *found);
 /* Look at a step's end; `memory` is changed, as it counts if the step is accepted. */
 void look(const Monitor *monitor, const StepEnd *end, Memory *memory, Findings *found);
 

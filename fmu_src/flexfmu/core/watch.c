@@ -260,6 +260,8 @@ static const double UNSEEN = 1e-3;
 /* Of the polynomial's error over what the next order makes it: orders after that may add as much again. Of that of steps over what
  * follows it as vibrations of the undeformed body: how errors change forces may add as much. */
 static const double BEYOND = 2.0;
+/* Of that of softness, which is known along the motion where it is largest: other ways may be softer. */
+static const double ELSEWHERE = 1.25;
 
 /* Momentum that the mass of steps leaves out, and how it pushes; where the step is half over. */
 typedef struct {
@@ -304,7 +306,39 @@ static void follow_drift(Body *body, const StepEnd *end, double *off, double *ra
     }
 }
 
+/* Of a mean over a step: what holds amid it, over both ends. */
+static const double AMID = 4.0;
+
+/* How far motion is off, where a step ends, by a stiffness of which a share is missed that grows with the energy: of what bodies that
+ * are right to second order miss, the first. Resonance makes it grow from period to period. */
+static void follow_softness(const Body *body, const StepEnd *end, double *off, double *rate) {
+    const int64_t r = body->p->rigid, m = body->p->modes;
+    const double *stiffness = body->opened->stiffness;
+    double first = 0.0, amid = 0.0, last = 0.0;
+    for (int64_t j = r; j < m; j++) {
+        const double q0 = end->q0[j], q1 = end->q[j];
+        first += stiffness[j] * q0 * q0;
+        amid += 0.25 * stiffness[j] * (q0 + q1) * (q0 + q1);
+        last += stiffness[j] * q1 * q1;
+    }
+    const Rule *rule = rule_of((Body *)body, end->step);
+    for (int64_t j = r; j < m; j++) {
+        const double q0 = end->q0[j], q1 = end->q[j], was = off[j];
+        const double mean = stiffness[j] * (first * q0 + AMID * amid * 0.5 * (q0 + q1) + last * q1) / (AMID + 2.0);
+        off[j] = rule->p11[j] * was + rule->p12[j] * rate[j] + rule->gq[j] * mean;
+        rate[j] = rule->p21[j] * was + rule->p22[j] * rate[j] + rule->gv[j] * mean;
+    }
+}
+
 int mass_is_exact(const Program *p) { return p->inertial ? !p->mass_products : !p->mass_forms; }
+
+static void follow_error(const Body *body, int cause, double beyond, Astray *so_far) {
+    const double least = UNSEEN * body->p->body_size[0];
+    if (so_far->off[cause] > 0.0)
+        so_far->error[cause] = beyond * sqrt(so_far->off[cause] / fmax(so_far->moved, least * least * so_far->time));
+}
+
+void body_off_by_softness(const Body *body, double softer, Astray *so_far) { follow_error(body, BY_SOFTNESS, ELSEWHERE * softer, so_far); }
 
 void body_astray(Body *body, const StepEnd *end, double *drift, const double *astray, double *ahead, Astray *so_far) {
     const Program *p = body->p;
@@ -314,14 +348,16 @@ void body_astray(Body *body, const StepEnd *end, double *drift, const double *as
         follow_drift(body, end, drift, drift + m, drift + 2 * m);
         if (!all_finite(drift, 3 * m)) memset(drift, 0, (size_t)(3 * m) * sizeof(double));
     }
-    const double *off[CAUSES] = {drift, astray}, beyond[CAUSES] = {p->inertial ? BEYOND : 1.0, BEYOND}, least = UNSEEN * p->body_size[0];
+    double *soft = drift + 3 * m;
+    if (!end->zero) follow_softness(body, end, soft, soft + m);
+    if (!end->zero && !all_finite(soft, 2 * m)) memset(soft, 0, (size_t)(2 * m) * sizeof(double));
+    const double *off[CAUSES] = {drift, astray, soft}, beyond[BY_SOFTNESS] = {p->inertial ? BEYOND : 1.0, BEYOND};
     count_in(&so_far->time, end->step);
     if (!end->zero)
         count_in(&so_far->moved, end->step * fmax(linear_reach(p, BY_SHIFT, end->q), carried_reach(p, BY_SHIFT, end->v, ahead)));
     for (int k = 0; k < CAUSES; k++) {
         if (!end->zero) count_in(&so_far->off[k], end->step * linear_reach(p, BY_SHIFT, off[k]));
-        if (so_far->off[k] > 0.0)
-            so_far->error[k] = beyond[k] * sqrt(so_far->off[k] / fmax(so_far->moved, least * least * so_far->time));
+        if (k != BY_SOFTNESS) follow_error(body, k, beyond[k], so_far);
     }
 }
 

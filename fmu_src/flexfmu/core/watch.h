@@ -40,12 +40,14 @@ void body_momentum(Body *body, const double *q, const double *v, Momentum *so_fa
 static inline void count_in(double *sum, double more) {
     if (isfinite(*sum + more)) *sum += more;
 }
-/* How far a motion is off by what the mass leaves out, and by what steps leave out: seconds so far, integrals of the squares of how
+/* How far a motion is off by what the mass leaves out, by what steps leave out, and by how soft the body is: seconds so far, integrals of the squares of how
  * far interfaces have moved and were off, m2 s, and the error of the motion that follows, rms. */
-enum { BY_MASS, BY_STEPS, CAUSES };
+enum { BY_MASS, BY_STEPS, BY_SOFTNESS, CAUSES };
 typedef struct {
     double time, moved, off[CAUSES], error[CAUSES];
 } Astray;
+/* The error by softness: `softer` than the body for each unit of twice the strain energy. */
+void body_off_by_softness(const Body *body, double softer, Astray *so_far);
 /* How far modes that are no vibrations of the finite element model have moved and turned interfaces out of phase: seconds so far,
  * the largest squares of both, and of linear displacements and rotations of interfaces; the error of the motion that follows;
  * the square of what that is over, and when it last grew. `ahead` is workspace of m numbers. */
@@ -58,8 +60,9 @@ void body_truncation(const Body *body, const StepEnd *end, double *ahead, Trunca
 int truncation_settled(const Body *body, const Truncation *so_far);
 /* Whether the mass of steps leaves nothing out. */
 int mass_is_exact(const Program *p);
-/* `drift` (3, m): how far coordinates and rates are off by the mass, and the momentum that it leaves out, where the step began and
- * ends; `astray`: those by the steps, where it ends. */
+/* `drift` (5, m): how far coordinates and rates are off by the mass, and the momentum that it leaves out, where the step began and
+ * ends, then (2, m): how far by a stiffness that is missed whole where twice the strain energy is one;
+ * `astray`: those by the steps, where it ends. */
 void body_astray(Body *body, const StepEnd *end, double *drift, const double *astray, double *ahead, Astray *so_far);
 
 #endif

@@ -88,7 +88,7 @@ _COLUMNS |= {f"m{axis}": f"the moment about {axis}" for axis in AXES}
 _UNITS = {"uf": "m/N", "um": "m/(N.m)", "rf": "rad/N", "rm": "rad/(N.m)"}
 
 # Limits of relative errors of displacements.
-_OF_ERRORS = ("ERROR_LIMIT", "TRUNCATION_LIMIT", "INERTIA_LIMIT", "ASTRAY_LIMIT")
+_OF_ERRORS = ("ERROR_LIMIT", "TRUNCATION_LIMIT", "INERTIA_LIMIT", "ASTRAY_LIMIT", "SOFTNESS_LIMIT")
 
 Words = dict[str, str]
 
@@ -99,6 +99,7 @@ CONDITIONS: dict[str, Callable[[ReducedBody], bool]] = {
     "free": lambda body: body.rigid_count > 0,
     "turning": lambda body: bool(body.polynomial) and body.mass is not Mass.CONFIGURATION and not body.rigid_count,
     "held": lambda body: body.ties is None and not body.rigid_count,
+    "swinging": lambda body: body.shadow is not None and not body.rigid_count,
     "fixable": lambda body: body.root_interface != GROUND,
     "certified": lambda body: body.shadow is not None,
     "truncated": lambda body: body.frequency_spread is not None,
@@ -120,9 +121,8 @@ def variable_table(body: ReducedBody) -> tuple[Variable, ...]:
     tuple of Variable
     """
     nominal = _nominal_values(body)
-    there = [row for row in rows() if CONDITIONS[row.when](body)]
     result = []
-    for role, kinds in groupby(there, lambda row: row.role):
+    for role, kinds in groupby((row for row in rows() if CONDITIONS[row.when](body)), lambda row: row.role):
         for place, (row, words, spoken) in enumerate(_expanded(body, role, list(kinds))):
             result.append(_variable(body, row, _number(body, row, words, place), words, words | spoken, nominal))
     return tuple(result)
