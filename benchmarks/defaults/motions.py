@@ -35,7 +35,7 @@ SHARES, STEPS, FAST_STEPS, PERIODS = (0.2, 0.5), 50, 20, 3
 # Share of the static energy from which a mode is one to be resolved.
 SEEN = 0.1
 FRAMES, TIGHT = 16, StepLimits(0.0, 1e-5)
-TOLD = ("error", "inertia_missed", "steps_missed", "truncation")
+TOLD = ("error", "inertia_missed", "steps_missed", "softness_missed", "truncation")
 WRONG = 0.01
 
 

@@ -43,7 +43,7 @@ CASES = {
     "cap": ("aslant", 0.4, 0.0002201),
 }
 # What the FMU says of its own error, by column.
-TOLD = {"estimate": "error", "truncation": "truncation"}
+TOLD = {"estimate": "error", "truncation": "truncation", "softness": "softness_missed"}
 # Steps of CalculiX a period, and how many of them lie between two that are kept.
 STEPS, KEPT, PERIODS = 200, 5, 2
 
@@ -112,7 +112,7 @@ def measure(body: Body) -> list[dict[str, object]]:
             stop_time=PERIODS * period,
             output_interval=period * KEPT / STEPS / 2,
             start_values=start,
-            output=[*shown, "diagnostics.error", "diagnostics.truncation"],
+            output=[*shown, *(f"diagnostics.{word}" for word in TOLD.values())],
             logger=lambda *words: log.append(words[-1].decode() if isinstance(words[-1], bytes) else str(words[-1])),
         )
         own = np.stack([found[name] for name in shown], axis=1)[2::2].reshape(-1, len(names), 6)
@@ -142,7 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     path, work = (RESULTS, run) if chosen.calculix else (RECORDS, measure)
     rows: dict[str, list[dict[str, object]]] = {}
     for row in read_records(path) if path.exists() else []:
-        rows.setdefault(row["body"], []).append(dict(row))
+        rows.setdefault(row["body"], []).append(({key: "" for key in TOLD} if path == RECORDS else {}) | dict(row))
     for name in chosen.body or CASES:
         rows[name] = work(known[name]())
         print(*(f"{key} {value}" for key, value in rows[name][0].items()), sep=", ", flush=True)

@@ -12,6 +12,7 @@
 #include "stability.h"
 #include "statics.h"
 #include "tree.h"
+#include "watch.h"
 
 /* Blocks of pieces: of the body, and of a step of Newton's method. Of each `blocks` holds how many each has. */
 enum { BODY, PLACES, FORCES, TANGENT, EASING, FACTORS, SOFTEST, BLOCKS };
@@ -31,8 +32,8 @@ typedef struct {
 } Room;
 /* Numbers found on the way: the largest deflection, and that by inertia; how soft an interface is; by how much second order
  * within frames moves interfaces, of that what more frames do not change, flattening, and membrane energy; strain; how much softer
- * than the body the shadow is along the motion, over twice its energy; how the error is looked for again. */
-enum { REACH, TURNED, INERTIA, SOFT, OWN, WITHIN, FLAT, FLAT_TURNED, STRAIN, SLACKER, OTHERWISE, FOUND };
+ * than the body the shadow is along the slow motion, and twice the energy of that; how the error is looked for again. */
+enum { REACH, TURNED, INERTIA, SOFT, OWN, WITHIN, FLAT, FLAT_TURNED, STRAIN, SOFTER, SLOW, OTHERWISE, FOUND };
 
 static void take_room(const Body *body, Arena *arena, Room *room) {
     const Program *p = body->p;
@@ -386,17 +387,19 @@ static int has_opened(const Program *s, const Program *p) {
     return 0;
 }
 
-/* How much softer the shadow is than the body along the motion that led to where its steps began, over twice the energy there: of
- * what bodies that are right to second order miss, a share that grows with the energy. Forces that no motion of the body works on,
- * as of loads that it holds by static shapes not at all, have no part in it. */
-static double softer_along(const Body *shadow, const Room *room) {
-    double along = 0.0, energy = 0.0;
+/* How much softer the shadow is than the body along the slow motion that led to where its steps began, and twice the energy of that:
+ * of what bodies that are right to second order miss, a share that grows with the energy. Forces that no motion of the body works
+ * on, as of loads that it holds by static shapes not at all, have no part in it. Deflections are off as much, or more. */
+static void find_softer(const Body *shadow, Room *room) {
+    double along = 0.0, energy = 0.0, most = 0.0;
     for (int64_t a = shadow->p->rigid; a < shadow->p->modes; a++) {
-        const double force = shadow->opened->stiffness[a] * room->start[a];
+        const double force = drifts(shadow->p, a) ? shadow->opened->stiffness[a] * room->start[a] : 0.0;
         along += force * (room->q[a] - room->start[a]);
         energy += force * room->start[a];
     }
-    return energy > 0.0 ? fabs(along) / energy / energy : 0.0;
+    for (int64_t i = 0; i < shadow->p->interfaces; i++) most = fmax(most, room->error[2 * i]);
+    room->found[SLOW] = energy;
+    room->found[SOFTER] = energy > 0.0 && room->found[REACH] > 0.0 ? fmin(fabs(along) / energy, most / room->found[REACH]) : 0.0;
 }
 
 void pieces_of_error(Body *body, Body *shadow, const double *inputs, const double *q, Arena arena, Slice *slice) {
@@ -435,7 +438,9 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
         }
         if (due(slice, CALLS + (double)(2 * body->p->stretch_numbers))) room->found[FLAT] = moved_by_flattening(body, room, q);
         if (due(slice, CALLS + (double)(6 * body->p->strains * body->p->modes))) room->found[STRAIN] = body_strain(body, q);
-        if (due(slice, (double)(6 * shadow->p->modes)) && !done_otherwise(slice, room, EASED)) room->found[SLACKER] = softer_along(shadow, room);
+        /* What a first step does to joints that are opened, or to stretches that it relieves, is no stiffness. */
+        const int alike = !opened && !done_otherwise(slice, room, EASED);
+        if (due(slice, (double)(6 * shadow->p->modes)) && alike) find_softer(shadow, room);
     } else if (!slice || slice->failed) {
         room->found[SOFT] = 0.0;
     }
@@ -459,7 +464,11 @@ void error_found(const Body *body, const Body *shadow, Arena arena, double *erro
     for (int64_t i = 0; i < 2 * p->interfaces; i++) error[i] = *share == 0.0 ? 0.0 : room->error[i];
 }
 
-double softer_found(const Body *shadow, Arena arena) { return room_in(shadow, &arena, 0)->found[SLACKER]; }
+double softer_found(const Body *shadow, Arena arena, double *energy) {
+    const Room *room = room_in(shadow, &arena, 0);
+    *energy = room->found[SLOW];
+    return room->found[SOFTER];
+}
 
 int body_error(Body *body, Body *shadow, const double *inputs, const double *q, double *error, double *deflection, double *share,
                double *bound) {

@@ -14,8 +14,8 @@ int body_error(Body *body, Body *shadow, const double *inputs, const double *q, 
                double *bound);
 /* The same in an arena of certificate_demand(shadow), by pieces; what they found. */
 void pieces_of_error(Body *body, Body *shadow, const double *inputs, const double *q, Arena arena, Slice *slice);
-/* How much softer than the body the shadow is along the motion, over twice the strain energy of where it was looked at. */
-double softer_found(const Body *shadow, Arena arena);
+/* How much softer than the body the shadow is along its slow motion, and twice the strain energy of that. */
+double softer_found(const Body *shadow, Arena arena, double *energy);
 void error_found(const Body *body, const Body *shadow, Arena arena, double *error, double *deflection, double *share, double *bound);
 
 #endif

@@ -104,27 +104,20 @@ static const double PATIENCE = 5.0, QUICK = 40.0;
 static const double WRONG = 0.1;
 static const char MORE[] = "more than ";
 
-/* Twice the strain energy. */
-static double energy_at(const Body *body, const double *q) {
-    double energy = 0.0;
-    for (int64_t j = 0; j < body->p->modes; j++) energy += body->opened->stiffness[j] * q[j] * q[j];
-    return energy;
-}
-
 /* Share of the most energy from which a look tells how soft the body is there. */
 static const double MOST = 0.5;
 
 /* Of the energy that waits to be looked at. */
-static const double WAITED = 4.0;
+static const double WAITED = 2.0;
 
-double softer_at_most(const ErrorMemory *seen) { return WAITED * seen->softened >= seen->largest ? seen->softer : 0.0; }
+double softer_at_most(const ErrorMemory *seen, double most) { return WAITED * seen->softened >= most ? seen->softer : 0.0; }
 
-static void tell_error(const Monitor *monitor, const double *q, double deflection, Memory *memory, Findings *found) {
+static void tell_error(const Monitor *monitor, double deflection, Memory *memory, Findings *found) {
     const Watch *watch = monitor->watch + WATCH_ERROR;
     const Program *p = monitor->body->p;
     ErrorMemory *seen = &memory->error;
-    double share, bound, softer = softer_found(monitor->shadow, monitor->pieces->arena);
-    const double energy = energy_at(monitor->body, q);
+    double share, bound, energy;
+    const double softer = softer_found(monitor->shadow, monitor->pieces->arena, &energy) / energy;
     if (softer > 0.0 && isfinite(softer) && energy >= MOST * seen->softened && isfinite(energy)) {
         seen->softer = softer;
         seen->softened = energy;
@@ -143,6 +136,13 @@ static void tell_error(const Monitor *monitor, const double *q, double deflectio
         snprintf(bounded, sizeof bounded, "; its bound is %s%.2g %%", bound > WRONG ? MORE : "", 100.0 * fmin(bound, WRONG));
     snprintf(text, FINDING_TEXT, SAY_ERROR, name_of(p, worst), share > WRONG ? MORE : "", 100.0 * fmin(share, WRONG), bounded,
              100.0 * watch->limit, text_at(p->advice, p->advice_bytes, ADVICE_ERROR));
+}
+
+/* Twice the strain energy. */
+static double energy_at(const Body *body, const double *q) {
+    double energy = 0.0;
+    for (int64_t j = 0; j < body->p->modes; j++) energy += body->opened->stiffness[j] * q[j] * q[j];
+    return energy;
 }
 
 /* The same but for round-off, far below its share: sums that do not wait for each other take a fraction of the time. */
@@ -258,8 +258,8 @@ void count_looks(const Monitor *monitor) {
 }
 
 /* What the last piece of a look has found, told, or else whether another look follows. */
-static int concluded(const Monitor *monitor, int kind, int follows, double deflection, const double *q, const double *inputs, Memory *memory, Findings *found) {
-    if (kind == LOOK_ERROR) tell_error(monitor, q, deflection, memory, found);
+static int concluded(const Monitor *monitor, int kind, int follows, double deflection, const double *inputs, Memory *memory, Findings *found) {
+    if (kind == LOOK_ERROR) tell_error(monitor, deflection, memory, found);
     if (kind == LOOK_CAUSE) tell_stability(monitor, inputs, memory, found);
     if (kind == LOOK_HOW_MUCH) tell_missed(monitor, inputs, memory, found);
     if (kind == LOOK_STABILITY) memory->beyond = fmax(monitor->pieces->beyond, monitor->watch[WATCH_STABILITY].limit);
@@ -269,7 +269,7 @@ static int concluded(const Monitor *monitor, int kind, int follows, double defle
 void look_at_once(const Monitor *monitor, int kind, const double *q, const double *inputs, double deflection, Memory *memory,
                          Findings *found) {
     monitor->pieces->begun = 0;
-    while (!concluded(monitor, kind, pieces_of(monitor, kind, q, inputs, 0), deflection, q, inputs, memory, found)) kind += FOLLOWING;
+    while (!concluded(monitor, kind, pieces_of(monitor, kind, q, inputs, 0), deflection, inputs, memory, found)) kind += FOLLOWING;
 }
 
 void submit(const Monitor *monitor, int kind, const StepEnd *end, double weight, Memory *memory) {
@@ -364,7 +364,7 @@ void go_on(const Monitor *monitor, Memory *memory, Findings *found) {
         look_at_once(monitor, kind, q, inputs, now->deflection, memory, found);
     else if (slice->failed == FAILED_TENSE || slice->failed == FAILED_STEEP)
         begin_look(monitor, kind, 0, slice->otherwise | (slice->failed == FAILED_TENSE ? SLACK : EASED), memory);
-    else if (!concluded(monitor, kind, follows, now->deflection, q, inputs, memory, found))
+    else if (!concluded(monitor, kind, follows, now->deflection, inputs, memory, found))
         begin_look(monitor, kind + FOLLOWING, FOLLOWS, 0.0, memory);
 }
 

@@ -20,8 +20,8 @@ typedef struct {
 } Watch;
 
 /* Of the error: the largest deflection of the interfaces so far, m; strain energy when it was last looked at, and the largest
- * then; steps since; its largest bound so far; how much softer than the body the shadow was along the motion where that had the
- * most energy, over it, and twice that energy. */
+ * then; steps since; its largest bound so far; how much softer than the body the shadow was along the slow motion where that
+ * had the most energy, over twice of it, and that. */
 typedef struct {
     double deflection, energy, largest, steps, bound, softer, softened;
 } ErrorMemory;
@@ -110,8 +110,9 @@ char *add_finding(Findings *found, OnLimit action, double *warned);
 /* The interface that has moved farthest, and how far: of a body that can move freely, against the first one. */
 double farthest(const Program *p, const double *motion, int64_t *interface);
 
-/* How much softer than the body its shadow is along the motion, over twice the energy; 0 as long as no look has met as much as there was. */
-double softer_at_most(const ErrorMemory *seen);
+/* How much softer than the body its shadow is along the slow motion, over twice the energy; 0 as long as no look has met as much
+ * as there was at most. */
+double softer_at_most(const ErrorMemory *seen, double most);
 
 /* Room that looks take. */
 int64_t look_size(const Body *body, const Body *shadow);

@@ -133,7 +133,7 @@ static void turning_round(const Monitor *monitor, const StepEnd *end, Memory *me
 void find_softness(const Monitor *monitor, Memory *memory, Findings *found) {
     const Watch *watch = monitor->watch + WATCH_SOFTNESS;
     const Program *p = monitor->body->p;
-    body_off_by_softness(monitor->body, softer_at_most(&memory->error), &memory->course.astray);
+    body_off_by_softness(monitor->body, softer_at_most(&memory->error, memory->course.astray.energy), &memory->course.astray);
     const double error = memory->course.astray.error[BY_SOFTNESS];
     if (!(watch->limit > 0.0) || !(error > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_SOFTNESS]);

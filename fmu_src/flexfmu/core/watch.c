@@ -311,19 +311,22 @@ static const double AMID = 4.0;
 
 /* How far motion is off, where a step ends, by a stiffness of which a share is missed that grows with the energy: of what bodies that
  * are right to second order miss, the first. Resonance makes it grow from period to period. */
-static void follow_softness(const Body *body, const StepEnd *end, double *off, double *rate) {
+static void follow_softness(const Body *body, const StepEnd *end, double *off, double *rate, double *most) {
     const int64_t r = body->p->rigid, m = body->p->modes;
     const double *stiffness = body->opened->stiffness;
     double first = 0.0, amid = 0.0, last = 0.0;
     for (int64_t j = r; j < m; j++) {
         const double q0 = end->q0[j], q1 = end->q[j];
+        if (!drifts(body->p, j)) continue;
         first += stiffness[j] * q0 * q0;
         amid += 0.25 * stiffness[j] * (q0 + q1) * (q0 + q1);
         last += stiffness[j] * q1 * q1;
     }
+    if (isfinite(last)) *most = fmax(*most, last);
     const Rule *rule = rule_of((Body *)body, end->step);
     for (int64_t j = r; j < m; j++) {
         const double q0 = end->q0[j], q1 = end->q[j], was = off[j];
+        if (!drifts(body->p, j)) continue;
         const double mean = stiffness[j] * (first * q0 + AMID * amid * 0.5 * (q0 + q1) + last * q1) / (AMID + 2.0);
         off[j] = rule->p11[j] * was + rule->p12[j] * rate[j] + rule->gq[j] * mean;
         rate[j] = rule->p21[j] * was + rule->p22[j] * rate[j] + rule->gv[j] * mean;
@@ -349,7 +352,7 @@ void body_astray(Body *body, const StepEnd *end, double *drift, const double *as
         if (!all_finite(drift, 3 * m)) memset(drift, 0, (size_t)(3 * m) * sizeof(double));
     }
     double *soft = drift + 3 * m;
-    if (!end->zero) follow_softness(body, end, soft, soft + m);
+    if (!end->zero) follow_softness(body, end, soft, soft + m, &so_far->energy);
     if (!end->zero && !all_finite(soft, 2 * m)) memset(soft, 0, (size_t)(2 * m) * sizeof(double));
     const double *off[CAUSES] = {drift, astray, soft}, beyond[BY_SOFTNESS] = {p->inertial ? BEYOND : 1.0, BEYOND};
     count_in(&so_far->time, end->step);

@@ -40,14 +40,18 @@ void body_momentum(Body *body, const double *q, const double *v, Momentum *so_fa
 static inline void count_in(double *sum, double more) {
     if (isfinite(*sum + more)) *sum += more;
 }
-/* How far a motion is off by what the mass leaves out, by what steps leave out, and by how soft the body is: seconds so far, integrals of the squares of how
- * far interfaces have moved and were off, m2 s, and the error of the motion that follows, rms. */
+/* How far a motion is off by what the mass leaves out, by what steps leave out, and by how soft the body is: seconds so far,
+ * integrals of the squares of how far interfaces have moved and were off, m2 s; the error of the motion that follows, rms; the
+ * largest of twice the energy of slow motion. */
 enum { BY_MASS, BY_STEPS, BY_SOFTNESS, CAUSES };
 typedef struct {
-    double time, moved, off[CAUSES], error[CAUSES];
+    double time, moved, off[CAUSES], error[CAUSES], energy;
 } Astray;
 /* The error by softness: `softer` than the body for each unit of twice the strain energy. */
 void body_off_by_softness(const Body *body, double softer, Astray *so_far);
+/* Whether a mode is so slow that what is missed of its stiffness adds up. Stiff ones follow forces, and those of stretch have more
+ * energy by themselves than with the stretch. */
+static inline int drifts(const Program *p, int64_t mode) { return p->omega[mode] <= 10.0 * p->omega[p->rigid]; }
 /* How far modes that are no vibrations of the finite element model have moved and turned interfaces out of phase: seconds so far,
  * the largest squares of both, and of linear displacements and rotations of interfaces; the error of the motion that follows;
  * the square of what that is over, and when it last grew. `ahead` is workspace of m numbers. */
