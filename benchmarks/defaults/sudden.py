@@ -142,7 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     path, work = (RESULTS, run) if chosen.calculix else (RECORDS, measure)
     rows: dict[str, list[dict[str, object]]] = {}
     for row in read_records(path) if path.exists() else []:
-        rows.setdefault(row["body"], []).append(({key: "" for key in TOLD} if path == RECORDS else {}) | dict(row))
+        rows.setdefault(row["body"], []).append((dict.fromkeys(TOLD, "") if path == RECORDS else {}) | dict(row))
     for name in chosen.body or CASES:
         rows[name] = work(known[name]())
         print(*(f"{key} {value}" for key, value in rows[name][0].items()), sep=", ", flush=True)
