@@ -291,9 +291,8 @@ def third_order_loads(
         return (modes.shapes[:, elastic] / modes.angular_frequency[elastic]).T @ forces
 
     with matrices.report.stage("Find static shapes of third order"):
-        own = partial(_by_interface, stiff=_ALONG) if part else _by_interface
-        for which, number in ((_together, most[0]), (own, most[1] * count)):
-            forces, answer = _answered(matrices, loads, which)
+        for stiff, number in ((None, most[0]), (_ALONG if part else _STIFFER, most[1] * count)):
+            forces, answer = _answered(matrices, loads, stiff)
             free, known = model.forces(forces), held(forces)
             taken = model.forces(found).T @ answer - held(found).T @ known
             # What they do outside the basis, and what is taken already.
@@ -335,27 +334,21 @@ def turning_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
 _Motions = tuple[FloatArray, FloatArray]
 
 
-def _answered(
-    matrices: Matrices, loads: FloatArray, which: Callable[[Matrices, FloatArray], Iterator[_Motions]]
-) -> tuple[FloatArray, FloatArray]:
-    """Forces (3n, k) by the stress of some motions, and what they displace (f, k)."""
+def _answered(matrices: Matrices, loads: FloatArray, stiff: float | None) -> tuple[FloatArray, FloatArray]:
+    """Forces (3n, k) by the stress of the softest motions of all loads, or of each interface's, and answers (f, k)."""
     model = matrices.supported
 
     def make() -> dict[str, FloatArray]:
-        forces = np.hstack([loads[:, :0], *(_forces(matrices, *motions) for motions in which(matrices, loads))])
+        several = [softest_motions(matrices, loads)] if stiff is None else _by_interface(matrices, loads, stiff)
+        forces = np.hstack([loads[:, :0], *(_forces(matrices, *motions) for motions in several)])
         return {"forces": forces, "answer": model.static(model.forces(forces))}
 
     kept = matrices.store if loads.size < _KEPT else Store()
-    found = kept.arrays(content_key(__name__, which.__name__, matrices.key, loads), "forces", Reporter(), make)
+    found = kept.arrays(content_key(__name__, f"forces {stiff}", matrices.key, loads), "forces", Reporter(), make)
     return found["forces"], found["answer"]
 
 
-def _together(matrices: Matrices, loads: FloatArray) -> Iterator[_Motions]:
-    """The softest motions of all loads, each at 0.5 rad."""
-    yield softest_motions(matrices, loads)
-
-
-def _by_interface(matrices: Matrices, loads: FloatArray, stiff: float = _STIFFER) -> Iterator[_Motions]:
+def _by_interface(matrices: Matrices, loads: FloatArray, stiff: float) -> Iterator[_Motions]:
     """The softest motions of each interface's loads, stiffer ones too, at the same energy, where that adds any.
 
     Of all together the softest may be those of other arms than the one that evades sideways. Stiff motions at large
