@@ -68,6 +68,16 @@ def test_what_is_told_is_how_far_the_motion_is_off_that_of_many_modes(tmp_path, 
 
 
 @pytest.mark.slow
+def test_warnings_go_by_the_root_mean_square_of_the_motion(tmp_path, frames):
+    """After a sudden load that is 0.6 of its largest."""
+    found = told(tmp_path, frames(3), COURSES["sudden"], 400)[1]
+    for share, warned in ((1.4, True), (2.0, False)):
+        driven = Driven(frames(3), tmp_path, **{"watch.truncation.limit": share * found, "tip.force.z": 40.0})
+        assert all(driven.taken(STEP) for _ in range(400))
+        assert bool(driven.log) == warned
+
+
+@pytest.mark.slow
 def test_one_of_these_motions_is_wrong_and_another_right(tmp_path, frames):
     assert told(tmp_path, frames(3), COURSES["a blow"], 400)[1] > 0.03
     assert told(tmp_path, frames(3), COURSES["slow"], 400)[1] < 0.001

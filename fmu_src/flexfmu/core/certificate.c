@@ -439,7 +439,7 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
         if (due(slice, CALLS + (double)(2 * body->p->stretch_numbers))) room->found[FLAT] = moved_by_flattening(body, room, q);
         if (due(slice, CALLS + (double)(6 * body->p->strains * body->p->modes))) room->found[STRAIN] = body_strain(body, q);
         /* What a first step does to joints that are opened, or to stretches that it relieves, is no stiffness. */
-        const int alike = !opened && !done_otherwise(slice, room, EASED);
+        const int alike = !opened && body->p->curved && !done_otherwise(slice, room, EASED);
         if (due(slice, (double)(6 * shadow->p->modes)) && alike) find_softer(shadow, room);
     } else if (!slice || slice->failed) {
         room->found[SOFT] = 0.0;

@@ -159,10 +159,12 @@ static void going_astray(const Monitor *monitor, const StepEnd *end, Memory *mem
 
 void find_truncation(const Monitor *monitor, Memory *memory, Findings *found) {
     const Watch *watch = monitor->watch + WATCH_TRUNCATION;
-    if (!(watch->limit > 0.0) || !(memory->course.truncation.error > watch->limit)) return;
+    const Truncation *so_far = &memory->course.truncation;
+    const double off = watch->action == ON_WARN ? so_far->mean : so_far->error;
+    if (!(watch->limit > 0.0) || !(off > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_TRUNCATION]);
     if (!text) return;
-    snprintf(text, FINDING_TEXT, SAY_TRUNCATION, 100.0 * memory->course.truncation.error, 100.0 * watch->limit);
+    snprintf(text, FINDING_TEXT, SAY_TRUNCATION, 100.0 * off, 100.0 * watch->limit);
 }
 
 /* In its first moments a motion is small, whatever a load is going to do: then the error over it tells little. */

@@ -371,6 +371,12 @@ int truncation_settled(const Body *body, const Truncation *so_far) {
     return (so_far->time - so_far->grown) * body->p->omega[body->p->rigid] >= 3.14159265358979323846;
 }
 
+/* What is off over what has moved, of both ways; of turns half counts, over turns, or over the deflection by the size. */
+static double off_over(const double *mixed, const double *moved, double size, double before) {
+    const double shift = fmax(moved[BY_SHIFT], UNSEEN * UNSEEN * size * size), turn = 4.0 * fmax(moved[BY_TURN], shift / (size * size));
+    return shift > 0.0 ? sqrt(fmax(mixed[BY_SHIFT] / shift, mixed[BY_TURN] / turn)) : before;
+}
+
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far) {
     const Program *p = body->p;
     const int64_t m = p->modes, count = p->interfaces;
@@ -388,7 +394,9 @@ void body_truncation(const Body *body, const StepEnd *end, double *ahead, Trunca
     if (mixed[BY_SHIFT] == 0.0 && mixed[BY_TURN] == 0.0 && end->step > 0.0) return;
     for (int k = 0; k < WAYS; k++) {
         so_far->mixed[k] = fmax(so_far->mixed[k], mixed[k]);
-        so_far->moved[k] = fmax(so_far->moved[k], linear_reach(p, k, end->q));
+        const double reached = linear_reach(p, k, end->q);
+        so_far->moved[k] = fmax(so_far->moved[k], reached);
+        count_in(&so_far->whole[k], end->step * reached);
         /* A body that has just been pushed is on its way: to where its rates carry it, and to where the loads would hold it. */
         moved[k] = fmax(so_far->moved[k], carried_reach(p, k, end->v, ahead));
     }
@@ -406,11 +414,9 @@ void body_truncation(const Body *body, const StepEnd *end, double *ahead, Trunca
         so_far->reach = reach;
         so_far->grown = so_far->time;
     }
-    moved[BY_SHIFT] = fmax(moved[BY_SHIFT], UNSEEN * UNSEEN * size * size);
-    /* Of turns half counts, over the largest, or over the deflection by the size. */
-    moved[BY_TURN] = 4.0 * fmax(moved[BY_TURN], moved[BY_SHIFT] / (size * size));
-    if (moved[BY_SHIFT] > 0.0)
-        so_far->error = sqrt(fmax(so_far->mixed[BY_SHIFT] / moved[BY_SHIFT], so_far->mixed[BY_TURN] / moved[BY_TURN]));
+    so_far->error = off_over(so_far->mixed, moved, size, so_far->error);
+    for (int k = 0; k < WAYS && so_far->time > 0.0; k++) moved[k] = fmin(moved[k], so_far->whole[k] / so_far->time);
+    so_far->mean = fmax(so_far->error, off_over(so_far->mixed, moved, size, so_far->mean));
 }
 
 /* Share of a moment below which the model hardly feels it, near full turns: what it is cannot be told from the motion. */

@@ -53,11 +53,12 @@ void body_off_by_softness(const Body *body, double softer, Astray *so_far);
  * energy by themselves than with the stretch. */
 static inline int drifts(const Program *p, int64_t mode) { return p->omega[mode] <= 10.0 * p->omega[p->rigid]; }
 /* How far modes that are no vibrations of the finite element model have moved and turned interfaces out of phase: seconds so far,
- * the largest squares of both, and of linear displacements and rotations of interfaces; the error of the motion that follows;
+ * the largest squares of both, and of linear displacements and rotations of interfaces; integrals of these; the error of the motion
+ * that follows, over the largest motion and over its root mean square, which warnings go by;
  * the square of what that is over, and when it last grew. `ahead` is workspace of m numbers. */
 enum { BY_SHIFT, BY_TURN, WAYS };
 typedef struct {
-    double time, mixed[WAYS], moved[WAYS], error, reach, grown;
+    double time, mixed[WAYS], moved[WAYS], whole[WAYS], error, mean, reach, grown;
 } Truncation;
 void body_truncation(const Body *body, const StepEnd *end, double *ahead, Truncation *so_far);
 /* Whether the motion that the error is over grows no more, as far as half of the slowest period tells. */
