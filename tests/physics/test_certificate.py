@@ -430,6 +430,48 @@ def test_motions_that_strain_soft_material_are_known_at_third_order():
     assert told.bound > true
 
 
+def test_a_slender_bar_that_is_drawn_out_far_tells_its_error():
+    """A motion much stiffer than those that bend counts, too, by what it does alone: it told a thousandth."""
+    mesh = box(ElementType.C3D20, (8, 2, 2), (8.0 * WIDTH, WIDTH, WIDTH))
+    body = Body(mesh, supports=["ROOT"], interfaces={"tip": "TIP"}, name="drawn")
+    model, loads = body.build(surface=False), {"tip": (0.1 * STEEL.youngs_modulus * WIDTH**2, 0.0, 0.0)}
+    state = model.static(loads)
+    true = true_error(body, model, state, loads)
+    assert true > 0.01
+    assert model.error(state, loads).relative == pytest.approx(true, rel=0.1)
+
+
+def vault():
+    """A shallow curved plate on four posts."""
+    cells = [
+        (i, j, k) for i in range(10) for j in range(8) for k in range(6) if k == 5 or (i in (0, 9) and j in (0, 7))
+    ]
+
+    def place(p):
+        x = np.interp(p[:, 0], [0.0, 1.0, 9.0, 10.0], [-0.1, -0.092, 0.092, 0.1])
+        y = np.interp(p[:, 1], [0.0, 1.0, 7.0, 8.0], [-0.07, -0.062, 0.062, 0.07])
+        z = np.interp(p[:, 2], [0.0, 5.0, 6.0], [-0.06, 0.0, 0.002])
+        return np.column_stack([x, y, z + np.minimum(p[:, 2] / 5.0, 1.0) * 0.006 * (1.0 - (10.0 * x) ** 2)])
+
+    mesh = lattice(ElementType.C3D20R, np.array(cells), place)
+    x, y, z = mesh.points.T
+    middle = (np.abs(x) < 0.024) & (np.abs(y) < 0.022) & (z > 0.0)
+    held = [np.flatnonzero(np.isclose(z, -0.06))]
+    return Body(mesh, supports=held, interfaces={"middle": np.flatnonzero(middle)}, name="vault")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("force", [1600.0, -500.0], ids=["lifted", "pressed"])
+def test_a_shadow_has_the_body_s_shapes_as_coordinates_where_a_step_does_not_lead_to_its_own(force):
+    """A vault on four posts: with all that its shadow finds it told eight and five times what it misses."""
+    body, loads = vault(), {"middle": (0.0, 0.0, force)}
+    model = body.build(surface=False)
+    state = model.static(loads)
+    true = true_error(body, model, state, loads)
+    assert true > 5e-4
+    assert model.error(state, loads).relative == pytest.approx(true, rel=0.15)
+
+
 def umbrella(folder, ribs=6):
     """Bowed ribs on a short post, a strut to each."""
     points, rows, tips = [(0.0, 0.0, 0.35), (0.0, 0.0, 0.5)], [(0, 1)], {}
@@ -558,6 +600,9 @@ def test_a_shadow_that_does_not_bear_reference_loads_counts_only_where_the_own_o
     assert taken == [True, False]
     monkeypatch.undo()
     assert differs_more(reduced, replace(reduced.shadow, body=other))
+    # One that a step of Newton's method does not lead to tells nothing.
+    monkeypatch.setattr("flexfmu.body.reference_loads._ASTRAY", 0.1)
+    assert not differs_more(reduced, replace(reduced.shadow, body=other))
 
 
 def test_in_motion_inertia_is_no_error(built):

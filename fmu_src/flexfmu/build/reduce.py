@@ -105,6 +105,7 @@ _FAR_BENT = 'loads may pass the range of its mass polynomial: reduced again with
 # Own error at reference loads from which on a body is tried with its loops cut; what that has to leave of it, and where
 # it leaves less than that.
 _WRONG, _CLEARLY, _BETTER = 0.01, 0.2, 0.75
+_OPENED = f"its frames turn apart where a loop through supports closes: {AGAINST_OPENED}"
 _COARSE = "lumps on its frames are too coarse: it keeps the polynomial and refuses steps past it; take more frames"
 
 
@@ -275,12 +276,16 @@ def _reduced(
         if isinstance(made, Joined) or not options.certificate:
             return body, made.third
         found = made.certified()
-        own = replace(body, shadow=found.body.shadow)
-        other = None if found.opened is None else found.opened.body.shadow
-        if found.opened is None or other is None or not differs_more(own, other):
-            return own, found.third
-        report.note(f"its frames turn apart where a loop through supports closes: {AGAINST_OPENED}")
-        return replace(own, shadow=other), found.opened.third
+        own, third, other = replace(body, shadow=found.body.shadow), found.third, found.other
+        while other is not None:
+            shadow = other.body.shadow
+            opens = shadow is not None and shadow.body.ties is not None
+            if shadow is not None and differs_more(own, shadow, opens):
+                own, third = replace(body, shadow=shadow), other.third
+                if opens:
+                    report.note(_OPENED)
+            other = other.other
+        return own, third
 
     return body, certified
 

@@ -93,6 +93,13 @@ class Membrane:
         found += [f"{shapes} of shapes that bend the body themselves"] * (shapes > 0)
         return ", ".join(found + [f"{flat} flattenings"] * (flat > 0))
 
+    @property
+    def shapeless(self) -> "Membrane":
+        """The same without shapes that stay coordinates, or itself where it has none."""
+        left, rest = np.array([not any(row) for row in self.linear], bool), (self.linear, self.sign, self.stiff)
+        several = [Membrane.of(b, f[left[r]], *(one[r][left[r]] for one in rest)) for b, f, r in self.groups()]
+        return self if left.all() else Membrane.joined(several)
+
     def shift(self, stiffness: FloatArray) -> FloatArray:
         """Second derivatives (m, m, m) of the modal coordinates that the shapes take of the second-order displacement.
 

@@ -149,18 +149,13 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     found["frame_parent"] = np.maximum(found["frame_parent"] - gone, GROUND)
     found |= _parts_fixed(body, found, turn) | {"polynomial": None}
     return replace(
-        body,
-        angular_frequency=np.sqrt(squares),
-        damping_ratio=share.T @ body.damping_ratio,
-        interface_frame=np.maximum(body.interface_frame - gone, GROUND),
-        frequency_spread=None,
+        body, angular_frequency=np.sqrt(squares), damping_ratio=share.T @ body.damping_ratio, frequency_spread=None,
+        interface_frame=np.maximum(body.interface_frame - gone, GROUND), root_interface=GROUND, floating=False,
         watched_frame=None if body.watched_frame is None else np.maximum(body.watched_frame - gone, GROUND),
-        root_interface=GROUND,
-        floating=False,
         membrane=body.membrane and body.membrane.turned(turn, squares),
         shadow=_shadow_fixed(body, names, turn),
         **found,
-    )
+    )  # fmt: skip
 
 
 def turned_parts(body: ReducedBody, turn: FloatArray) -> dict[str, Any]:

@@ -243,12 +243,9 @@ def _weighted(table: InterfaceNodes, mesh: Mesh, nodes: IntArray) -> Weighted:
 
 
 def motion_of_tree(
-    angular_frequency: FloatArray,
-    shapes: FloatArray,
-    interfaces: Sequence[InterfaceFit],
-    subdomains: Sequence[domains.Subdomain],
-    frames: domains.FrameOperators,
-) -> dict[str, Any]:
+    angular_frequency: FloatArray, shapes: FloatArray, interfaces: Sequence[InterfaceFit],
+    subdomains: Sequence[domains.Subdomain], frames: domains.FrameOperators,
+) -> dict[str, Any]:  # fmt: skip
     """How interfaces and frames move with mode shapes (3n, m): fields of `ReducedBody` by name."""
     moved = np.array([interface.motion(shapes) for interface in interfaces])
     return {
@@ -366,20 +363,10 @@ def shadow_options(config: BodyOptions, subdomains: Sequence[domains.Subdomain])
 def finer_shadow(config: BodyOptions, levels: int) -> BodyOptions:
     """Options of a shadow with so many levels of frames: second order and stretching, and nothing to look at."""
     return replace(
-        config,
-        levels=min(levels, MOST_FRAMES),
-        levels_asked=True,
-        frames=(),
-        branches=(),
-        stress=(),
-        membrane="finer",
-        variant=Variant(Method.SECOND_ORDER),
-        stored=frozenset({Data.SECOND_ORDER}),
-        surface=False,
-        surface_stress=False,
-        certificate=False,
-        watched=False,
-    )
+        config, levels=min(levels, MOST_FRAMES), levels_asked=True, frames=(), branches=(), stress=(), membrane="finer",
+        variant=Variant(Method.SECOND_ORDER), stored=frozenset({Data.SECOND_ORDER}), surface=False,
+        surface_stress=False, certificate=False, watched=False,
+    )  # fmt: skip
 
 
 def embedding(model: Supported, shadow: FloatArray, shapes: FloatArray) -> FloatArray:

@@ -201,7 +201,7 @@ class Stretching:
         -------
         Membrane
         """
-        count, directions, (first, second) = self._omega.size, self._directions, self._pairs.T
+        count, (first, second) = self._omega.size, self._pairs.T
         # Rows of forms by pair, and what is linear beside them, in coordinates of unit energy.
         forms, linear, signs = [], [], []
         if stretching:
@@ -223,12 +223,24 @@ class Stretching:
             forms.append(self._forms(self._flattening(), first, second, small))
             signs.append(-np.ones(len(forms[-1])))
         linear += [np.zeros((len(rows), count)) for rows in forms[len(linear) :]]
-        whole = np.zeros((sum(map(len, forms)), directions.shape[1], directions.shape[1]))
-        whole[:, first, second] = whole[:, second, first] = np.concatenate(forms)
-        wide, modes, every = directions * self._omega[:, None], self.modes.angular_frequency.size, self._elastic
-        (basis, of_modes), sign = (np.zeros((len(rows), modes)) for rows in (wide.T, whole)), np.concatenate(signs)
-        basis[:, every], of_modes[:, every] = wide.T, np.concatenate(linear) * self._omega
+        return self._membrane_of(np.concatenate(forms), np.concatenate(linear), np.concatenate(signs))
+
+    def _membrane_of(self, forms: FloatArray, linear: FloatArray, sign: FloatArray) -> Membrane:
+        """Of rows by pairs of directions (r, p), of what is linear beside them (r, e), and of signs (r,)."""
+        (first, second), wide = self._pairs.T, (self._directions * self._omega[:, None]).T
+        basis, whole = (
+            np.zeros((len(wide), self.modes.angular_frequency.size)),
+            np.zeros((len(forms), *2 * [len(wide)])),
+        )
+        whole[:, first, second], of_modes = forms, np.zeros((len(forms), basis.shape[1]))
+        whole[:, second, first], of_modes[:, self._elastic], basis[:, self._elastic] = forms, linear * self._omega, wide
         return Membrane.of(basis, whole, of_modes, sign, sign)
+
+    def keeping(self, membrane: Membrane, shapes: FloatArray) -> Membrane:
+        """The same with other shapes (m, k) of w as coordinates, orthonormal in energy."""
+        rows = (shapes[self._elastic] * self._omega[:, None]).T / np.sqrt(2.0)
+        own = self._membrane_of(rows @ self._stretches()["work"], rows, np.ones(len(rows)))
+        return Membrane.joined([membrane.shapeless, own])
 
     def third_order(self, membrane: Membrane, body: ReducedBody) -> Membrane:
         """The same, and what the places of a body with it miss at third order in its softest motions under loads."""

@@ -60,8 +60,8 @@ class Reduced:
         Makes the same with its shadow.
     third : callable
         Makes the body of its shadow, or its own while it has none, with the energy of what places miss at third order.
-    opened : Reduced, optional
-        The same with another shadow, that has loops through supports opened.
+    other : Reduced, optional
+        The same with another shadow: with loops through supports opened, or shapes of second order as coordinates.
     """
 
     body: ReducedBody
@@ -72,7 +72,7 @@ class Reduced:
     span: FloatArray
     certified: Callable[[], "Reduced"]
     third: Callable[[], ReducedBody]
-    opened: "Reduced | None" = None
+    other: "Reduced | None" = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,14 +112,9 @@ class _Basis:
 
 
 def reduced_piece(
-    config: BodyOptions,
-    model: Model,
-    report: Reporter,
-    store: Store,
-    springs: Sequence[Spring] = (),
-    warping: FloatArray | None = None,
-    spanned: FloatArray | None = None,
-) -> Reduced:
+    config: BodyOptions, model: Model, report: Reporter, store: Store, springs: Sequence[Spring] = (),
+    warping: FloatArray | None = None, spanned: FloatArray | None = None,
+) -> Reduced:  # fmt: skip
     """Reduce a model in one piece, or a part of a cut one.
 
     Parameters
@@ -156,8 +151,18 @@ def reduced_piece(
             finer, finer_basis = _shadow(divided, basis, every, body.membrane is not None)
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
         found = matrices.kept(key, "embedding", lambda: bodies.embedding(matrices.supported, shapes, own))
-        known, third = Shadow(finer, found), partial(completed_body, finer_basis.stretching(divided), finer)
-        return replace(piece, body=replace(body, shadow=known), shadow_work=warping.T @ shapes, third=third)
+
+        def known(one: ReducedBody, other: Reduced | None = None) -> Reduced:
+            third, shadow = partial(completed_body, stretching, one), Shadow(one, found)
+            return replace(piece, body=replace(body, shadow=shadow), shadow_work=worked, third=third, other=other)
+
+        worked, stretching = warping.T @ shapes, finer_basis.stretching(divided)
+        if finer.membrane is None or model.rigid.size or not finer.membrane.linear.any():
+            return known(finer)
+        # With the body's shapes as coordinates; whether others belong to them equilibria tell.
+        rows = np.zeros((0, body.mode_count)) if body.membrane is None else body.membrane.linear
+        kept = np.sqrt(2.0) * rows[[any(row) for row in rows]] / body.angular_frequency**2
+        return known(replace(finer, membrane=stretching.keeping(finer.membrane, found @ kept.T)), known(finer))
 
     third = partial(completed_body, basis.stretching(divided), body)
     piece = Reduced(body, work, work, fine, own, span, certified, third)

@@ -145,7 +145,7 @@ def missed_energy(
     loads : (r, 6 I + s) float
         Forces and moments on the interfaces that cause them, N and N m, and pulls of springs.
     stiff : int
-        How many of the first ones count by their first power alone.
+        How many of the first ones count by their first power, or alone.
     sums : (1, I, 3, 3, 3), (r, I, 3, 3, 3) and (I, 3) float
         `lever_sums` of places and of motions, and how far points are off their nodes.
     work : (p, p) float
@@ -172,7 +172,7 @@ def missed_energy(
         return np.hstack([third.reshape(len(third), -1), springs(amplitudes.T)])
 
     # A cubic form follows from what it is of sums of three motions; equations of quartic terms would be thousands.
-    a, b, c = np.array([one for one in combinations_with_replacement(range(count), 3) if one[1] >= stiff]).T
+    a, b, c = np.array([t for t in combinations_with_replacement(range(count), 3) if t[1] >= stiff or t[2] < stiff]).T
     one, two = cubic(np.arange(count)), cubic(*np.indices((count, count)).reshape(2, -1)).reshape(count, count, -1)
     found = cubic(a, b, c) - two[a, b] - two[a, c] - two[b, c] + one[a] + one[b] + one[c]
     found /= ((1 + (a == b)) * (1 + (b == c) * (1 + (a == b))))[:, None]
@@ -182,8 +182,9 @@ def missed_energy(
     terms, which, times = np.unique(four @ places, return_inverse=True, return_counts=True)
     energy = np.bincount(np.searchsorted(terms, np.sort(every) @ places), (loads @ found.T).ravel(), len(terms))
     energy -= np.bincount(which.ravel(), work.ravel(), len(terms))
-    # Equal parts of a term go to all products of two pairs that make it.
-    values, vectors = np.linalg.eigh(np.where(four[..., 1] < stiff, 0.0, (energy / times)[which.reshape(work.shape)]))
+    mixed = (four[..., 1] < stiff) & (four[..., 3] >= stiff)
+    # Equal parts go to all products of two pairs that make a term.
+    values, vectors = np.linalg.eigh(np.where(mixed, 0.0, (energy / times)[which.reshape(work.shape)]))
     kept = np.abs(values) > least
     forms = np.zeros((kept.sum(), count, count))
     half = 0.5 * vectors[:, kept].T * np.sqrt(np.abs(values[kept]))[:, None]

@@ -23,13 +23,9 @@ _CHUNK = 2048
 
 
 def watched_material(
-    mesh: Mesh,
-    shapes: FloatArray,
-    omega: FloatArray,
-    loads: FloatArray,
-    subdomains: Sequence[Subdomain],
+    mesh: Mesh, shapes: FloatArray, omega: FloatArray, loads: FloatArray, subdomains: Sequence[Subdomain],
     frame_rotation: FloatArray,
-) -> tuple[IntArray, FloatArray, FloatArray]:
+) -> tuple[IntArray, FloatArray, FloatArray]:  # fmt: skip
     """Mean rotation of chosen elements, and root mean square strain of each material in each frame.
 
     Parameters

@@ -261,19 +261,13 @@ def _sub_mesh(mesh: Mesh, nodes: IntArray) -> tuple[Mesh, IntArray]:
 
     springs = [one for one in mesh.springs if np.all(place[np.concatenate(one.ends)] >= 0)]
     part = replace(
-        mesh,
-        points=mesh.points[nodes],
-        labels=mesh.labels[nodes],
-        blocks=tuple(blocks),
-        node_sets=kept(dict(mesh.node_sets), place),
-        element_sets=kept(dict(mesh.element_sets), number),
-        fixed=mesh.fixed[nodes],
-        notes=(),
+        mesh, points=mesh.points[nodes], labels=mesh.labels[nodes], blocks=tuple(blocks), fixed=mesh.fixed[nodes],
+        node_sets=kept(dict(mesh.node_sets), place), element_sets=kept(dict(mesh.element_sets), number), notes=(),
         masses=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.masses if np.all(place[one.nodes] >= 0)),
         springs=moved_springs(springs, lambda rows: place[rows]),
         links=tuple(replace(one, nodes=place[one.nodes]) for one in mesh.links if place[one.nodes[0]] >= 0),
         simplices=renumbered(mesh.simplices, place),
-    )
+    )  # fmt: skip
     own = mesh.equations[:, (3 * nodes[:, None] + np.arange(3)).ravel()]
     part = replace(part, equations=sp.csr_array(own[np.flatnonzero(np.diff(own.indptr))]))
     return part, np.flatnonzero(inside)

@@ -368,7 +368,7 @@ def _certified(piece: Reduced, config: BodyOptions, model: Model, report: Report
         other = reduced_parts(finer, opened, Reporter(), store, piece.shapes)
     another = replace(piece, body=replace(piece.body, shadow=Shadow(other.body, other.span)), third=other.third)
     if not within:
-        return replace(piece, opened=another)
+        return replace(piece, other=another)
     report.note(f"{plural(len(cuts), 'loop')} within the body: {AGAINST_OPENED}")
     return another
 
