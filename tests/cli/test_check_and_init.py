@@ -409,12 +409,14 @@ def test_no_length_that_is_told_is_round_off(tmp_path):
     assert "e-1" not in told
 
 
-def test_init_holds_no_set_without_nodes():
+def test_init_holds_and_loads_no_set_without_nodes():
     """SPC of grid points that no element has, as of springs' ends."""
     mesh = box(ElementType.C3D20R, (2, 2, 1), (0.5, 0.05, 0.02))
-    mesh = replace(mesh, node_sets={"SPC 1": np.zeros(0, dtype=np.int64)})
+    none, point = np.zeros(0, dtype=np.int64), np.zeros(3)
+    mesh = replace(mesh, node_sets={"SPC 1": none, "RBE2 7": none}, references={"RBE2 7": point})
     found = tomllib.loads(starting_body_file(checked(mesh), Path("bar.bdf"), UnitSystem.SI))
     assert [table["nodes"] for table in found["support"]] == [{"plane": [0.0, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}]
+    assert [table["name"] for table in found["interface"]] == ["x_max"]
 
 
 def test_init_refuses_a_mesh_in_parts_and_says_how_many(tmp_path):

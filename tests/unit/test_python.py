@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import flexfmu
-from flexfmu.files.basics import BodyFileError, MeshError, SimulationError
+from flexfmu.files.basics import BodyFileError, MeshError, ModelError, SimulationError
 from flexfmu.mesh.elements import ElementType
 from flexfmu.model.modal_file import modal_bytes
-from meshes import box
+from meshes import box, with_sets
 from scene_tools import Listening
 
 DOCS = Path(__file__).parents[2] / "docs" / "python.md"
@@ -215,3 +215,9 @@ def test_the_example_of_the_docs_runs(tmp_path):
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "arm.fmu").is_file()
     assert float(done.stdout.split()[-1]) == pytest.approx(0.0245, rel=0.2)
+
+
+def test_a_body_that_is_held_everywhere_is_refused_in_words():
+    mesh = with_sets(box(ElementType.C3D8, (1, 1, 1), (0.1, 0.1, 0.1)), ALL=lambda p: 0.0 * p[:, 0])
+    with pytest.raises(ModelError, match="hold every node in all directions: nothing moves"):
+        flexfmu.Body(mesh, supports=["ALL"], interfaces={"tip": "TIP"}, name="brick").build()

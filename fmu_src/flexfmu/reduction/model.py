@@ -285,6 +285,8 @@ def assemble_model(mesh: Mesh, config: BodyOptions) -> Model:
         mesh = replace(mesh, notes=(*mesh.notes, text))
     rigid = _free_motions(mesh, fixed | (spring > 0.0), config)
     model = Model(mesh, fixed, spring, rigid, damper)
+    if not model.free.size:
+        raise ModelError("supports and equations hold every node in all directions: nothing moves; hold fewer nodes")
     if rigid.shape[1] and (damper.any() or model.bushings.dampers.nnz):
         found = "dampers act on a body that is held, and this one is free to move"
         raise ModelError(f"{found}: hold it by springs, or put the dampers between interfaces in a coupling file")
