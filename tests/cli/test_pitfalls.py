@@ -12,7 +12,7 @@ from flexfmu.body.flexible_body import FlexibleBody
 from flexfmu.build.config import read_body_file
 from flexfmu.build.kept import build_fmu
 from flexfmu.build.reduce import reduce_body
-from flexfmu.build.tables import FrameTable, InterfaceTable
+from flexfmu.build.tables import FrameTable, InterfaceTable, ReductionTable
 from flexfmu.files.basics import BodyFileError, OutputError, PackagingError, SimulationError
 from flexfmu.files.outputs import Reporter
 from flexfmu.files.tables import read_table
@@ -118,6 +118,15 @@ def test_interface_on_a_support_is_told_or_refused():
     assert body.mode_count == 10
     with pytest.raises(BodyFileError, match="support"):
         build(interface=support, reduction=reduction.model_copy(update={"basis": Basis.CRAIG_BAMPTON}))
+
+
+@pytest.mark.slow
+def test_interface_on_a_support_beside_another_has_no_shapes_of_third_order():
+    both = [InterfaceTable(name="tip", nodes="TIP"), InterfaceTable(name="wall", nodes="ROOT")]
+    config = read_body_file(BEAM / "body.toml").model_copy(update={"interface": both, "reduction": ReductionTable()})
+    body = reduce_body(config, Warnings())
+    assert body.interface_displacement[0].any()
+    assert not body.interface_displacement[1].any()
 
 
 @pytest.mark.slow

@@ -308,8 +308,9 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
         )
     mesh = _in_units(mesh, units)
     held, places = _named_ends(mesh) or _ends_and_bores(mesh) or _round_ends(mesh)
-    spoken = [name for name in mesh.references if len(mesh.node_sets[name]) and _name(name) not in dict(held)]
-    named = [(_name(name), toml_value(name)) for name in spoken]
+    # No set without nodes, nor one of whole elements, nor what is held.
+    spoken = [n for n in mesh.references if len(own := mesh.node_sets[n]) and not elements_within(mesh, own).size]
+    named = [(_name(n), toml_value(n)) for n in spoken if toml_value(n) not in dict(held).values()]
     interfaces = named or places or _round_ends(mesh)[1]
     lines = [f'name = "{_name(file.stem)}"', "", "[mesh]", f'file = "{file.as_posix()}"']
     others = ", ".join(one.value for one in UnitSystem if one is not units)

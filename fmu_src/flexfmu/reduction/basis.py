@@ -354,7 +354,9 @@ def _by_interface(matrices: Matrices, loads: FloatArray, stiff: float) -> Iterat
     Of all together the softest may be those of other arms than the one that evades sideways. Stiff motions at large
     turns of their own would outweigh all others, under loads that no body bears.
     """
-    for own in np.arange(loads.shape[1]).reshape(2, -1, 3).swapaxes(0, 1).reshape(-1, 6):
+    each = np.arange(loads.shape[1]).reshape(2, -1, 3).swapaxes(0, 1).reshape(-1, 6)
+    # Of one on a support nothing is asked.
+    for own in filter(lambda one: matrices.supported.forces(loads[:, one]).any(), each):
         fields, energy = softest_motions(matrices, loads[:, own], stiff)
         known = own.size == loads.shape[1] and softest_motions(matrices, loads)[1].size
         if energy.size > known:
