@@ -178,10 +178,6 @@ def _general(n: list[float]) -> CrossSection | None:
     return CrossSection((n[0], n[3], n[1], n[4], n[0], n[0]), n[2]) if n[2] ** 2 < n[1] * n[3] else None
 
 
-def _ell(n: list[float]) -> CrossSection | None:
-    return l_section(*n[:4]) if n[3] < n[0] and n[2] < n[1] else None
-
-
 def _eye(n: list[float]) -> CrossSection | None:
     return i_section(n[1], (n[2], n[3]), (n[4], n[5]), n[6]) if n[4] + n[5] < n[1] else None
 
@@ -193,7 +189,7 @@ _SHAPES: dict[str, tuple[int, str, Callable[[list[float]], CrossSection | None]]
     "PIPE": (2, "outer radius and wall", lambda n: pipe(*n[:2])),
     "BOX": (6, "both widths and four walls, opposite ones alike", lambda n: box(*n[:4]) if n[2:4] == n[4:6] else None),
     "I": (7, "place of the node over the bottom, height, two widths of flanges, two thicknesses, web", _eye),
-    "L": (4, "two widths and their thicknesses", _ell),
+    "L": (4, "two widths and their thicknesses", lambda n: l_section(*n[:4]) if n[3] < n[0] and n[2] < n[1] else None),
     "GENERAL": (5, "A, I11, I12, I22, J", _general),
 }
 
