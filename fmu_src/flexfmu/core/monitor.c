@@ -160,7 +160,9 @@ static void going_astray(const Monitor *monitor, const StepEnd *end, Memory *mem
 void find_truncation(const Monitor *monitor, Memory *memory, Findings *found) {
     const Watch *watch = monitor->watch + WATCH_TRUNCATION;
     const Truncation *so_far = &memory->course.truncation;
-    const double off = watch->action == ON_WARN ? so_far->mean : so_far->error;
+    /* The mean of a motion that has only begun says nothing of it. */
+    const int meant = watch->action == ON_WARN && truncation_settled(monitor->body, so_far);
+    const double off = meant ? so_far->mean : so_far->error;
     if (!(watch->limit > 0.0) || !(off > watch->limit)) return;
     char *text = add_finding(found, watch->action, &memory->warned[WATCH_TRUNCATION]);
     if (!text) return;

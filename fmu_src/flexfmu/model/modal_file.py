@@ -143,7 +143,7 @@ def _write(file: Any, path: str, entry: Entry, value: Any) -> None:
     # Their shuffled bytes are smaller in an FMU, which is packed as a whole.
     shuffled = entry.symmetric and data.size > 0
     if shuffled:
-        dataset = file.create_dataset(path, data=data, track_times=False, shuffle=True).id
+        dataset = file.create_dataset(path, data=data, chunks=data.shape, track_times=False, shuffle=True).id
     else:
         # The same bytes as so, in half the time.
         data, how = np.asarray(data, order="C"), h5p.create(h5p.DATASET_CREATE)
