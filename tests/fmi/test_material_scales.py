@@ -83,9 +83,11 @@ def test_scales_of_the_material_are_as_if_the_body_were_built_of_it(make, start,
     units = {variable.name: variable.unit for variable in variable_table(one.model)}
     kinds = [units[name] if "compliance" in name else re.sub(r"\.[xyz]$", "", name) for name in names]
     size = np.array([max(size[j] for j, other in enumerate(kinds) if other == kind) for kind in kinds])
+    # Softness of 1e-11 is round-off.
+    size = np.where([name.endswith("softness_missed") for name in names], np.maximum(size, 1e-9), size)
     off = np.abs(rows - expected) / np.where(size > 0.0, size, 1.0)
     # Errors are small differences; joints of a cut body are a billion times as stiff as the body.
-    small = (".error", "_error", "momentum", "inertia_missed")
+    small = (".error", "_error", "momentum", "inertia_missed", "softness_missed")
     tight = np.array([not any(part in name for part in small) for name in names])
     # What the mass leaves out is found at build by differences.
     assert off[:, [name.endswith("inertia_missed") for name in names]].max(initial=0.0) < 1e-6

@@ -308,7 +308,7 @@ def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
     def springs(amplitudes):
         return 1e-6 * np.stack([amplitudes[0] * amplitudes[1] * amplitudes[2], amplitudes[1] ** 3], axis=-1)
 
-    forms, signs = missed_energy(reduced, motions, loads, 0, sums, work, 0.0, springs)
+    forms, signs = missed_energy(reduced, motions, loads, 0, 0, sums, work, 0.0, springs)
     amplitudes = random.standard_normal(3)
     pairs = np.outer(amplitudes, amplitudes)[np.triu_indices(3)]
     q = (amplitudes @ motions)[None]
@@ -327,7 +327,7 @@ def test_squares_of_forms_are_the_work_that_places_miss(tmp_path):
         return signs @ np.einsum("kij,i,j->k", forms, amplitudes, amplitudes) ** 2
 
     change = 0.5e4 * (energy(forms, signs, alone + small) - energy(forms, signs, alone - small))
-    once = missed_energy(reduced, motions, loads, 1, sums, work, 0.0, springs)
+    once = missed_energy(reduced, motions, loads, 1, 1, sums, work, 0.0, springs)
     by_itself = energy(forms, signs, amplitudes - alone)
     assert energy(*once, amplitudes) == pytest.approx(energy(forms, signs, alone) + change + by_itself, rel=1e-5)
     assert energy(*once, amplitudes) != pytest.approx(found, rel=1e-2)

@@ -330,7 +330,9 @@ def _supports(mesh: Mesh, turning: BoolArray, lines: _Lines, row: IntArray, coun
     for place in np.flatnonzero((held | turning)[lines.node].any(axis=1)).tolist():
         node, ends, share = int(lines.node[place]), lines.ends[place].tolist(), lines.share[place].tolist()
         moves = [np.cross(unit, lines.normal[place]) for unit in np.eye(3)[~turning[node]]]
-        still = _beside(np.array([*moves, lines.normal[place]])) if moves else np.eye(3)
+        # Orthonormal directions at right angles to all of these.
+        _, sizes, sides = np.linalg.svd(np.array([*moves, lines.normal[place]]))
+        still = sides[int(np.sum(sizes > _NOTHING)) :] if moves else np.eye(3)
         for axis, unit in enumerate(np.eye(3)):
             if held[node, axis] and np.linalg.norm(still @ unit) > 1.0 - _NOTHING:
                 fixed[ends, axis] = True
@@ -348,12 +350,6 @@ def _supports(mesh: Mesh, turning: BoolArray, lines: _Lines, row: IntArray, coun
             if np.linalg.norm(one) > _NOTHING and (axes := np.flatnonzero(one).tolist())
         ]
     return fixed, rows
-
-
-def _beside(directions: FloatArray) -> FloatArray:
-    """Orthonormal directions (k, 3) at right angles to all of some."""
-    _, sizes, axes = np.linalg.svd(directions)
-    return axes[int(np.sum(sizes > _NOTHING)) :]
 
 
 def _joined(lines: _Lines, row: IntArray) -> list[Row]:

@@ -184,7 +184,7 @@ def shadow_draft(body: ReducedBody) -> Draft:
         raise OptionError("the body was built without what tells its error: build it with error = true in [output]")
     draft = compile_draft(replace(shadow.body, following_interfaces=body.following_interfaces), Method.SECOND_ORDER)
     # As `Shadow` has what it is made of.
-    for name in {"curvature", "basis", "stretch"} & draft.arrays.keys():
+    for name in {"curvature", "stretch"} & draft.arrays.keys():
         draft.arrays[name] = np.asarray(draft.arrays[name], np.float32)
     draft.sizes["embedded"] = body.mode_count
     draft.arrays["embedding"] = shadow.embedding

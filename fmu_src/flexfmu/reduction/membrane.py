@@ -92,6 +92,8 @@ class Stretching:
         Of the modes, as of `basis.modal_basis`.
     tied : bool
         Whether a tree holds springs of supports as joints: then what they resist at second order is left to it.
+    part : bool
+        Whether it is a part of a cut body.
     """
 
     matrices: Matrices
@@ -99,6 +101,7 @@ class Stretching:
     loads: FloatArray
     key: str = ""
     tied: bool = False
+    part: bool = False
 
     @cached_property
     def _elastic(self) -> IntArray:
@@ -275,8 +278,10 @@ class Stretching:
         # Frames have no part in it.
         work = self.matrices.kept(content_key(__name__, self.key, fields, shapes, turning), "work of third order", find)
         bushings, least = self.matrices.model.bushings, _NO_SQUARE * size.min() ** 2
-        pulls = np.hstack([every.reshape(len(size), -1), (bushings.rows @ fields).T]), len(size) - soft
-        forms, signs = missed_energy(body, q, *pulls, sums, work, least, partial(bushings.third, fields))
+        pulls = np.hstack([every.reshape(len(size), -1), (bushings.rows @ fields).T])
+        # Joints ring: what is stiff by itself is theirs.
+        stiff = len(size) - soft, 0 if self.part else len(size) - soft
+        forms, signs = missed_energy(body, q, pulls, *stiff, sums, work, least, partial(bushings.third, fields))
         # Stiffness is of fifth order, of which this is a part only.
         more = Membrane.of(rows, forms, np.zeros((len(forms), rows.shape[1])), signs, 0.0 * signs)
         return Membrane.joined([membrane, more])
@@ -363,7 +368,7 @@ def completed_body(stretching: Stretching, body: ReducedBody) -> ReducedBody:
         return body
     none = np.zeros((0, body.mode_count))
     membrane = body.membrane or Membrane.of(none, np.zeros((0, 0, 0)), none, np.zeros(0), np.zeros(0))
-    places = body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
+    places = stretching.part, body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
     key = content_key(__name__, "third order", stretching.key, stretching.loads, *asdict(membrane).values(), *places)
     find = partial(stretching.third_order, membrane, body)
     return replace(body, membrane=_kept(stretching.matrices, key, "what places miss at third order", find))

@@ -105,9 +105,9 @@ class _Basis:
 
     def stretching(self, divided: _Divided) -> Stretching:
         """What is asked for how the modes stretch; what was asked last is known."""
-        loads, tied = divided.unit_loads(), bool(divided.springs)
-        make = partial(Stretching, self.matrices, self.modes, loads, self.key, tied)
-        found: Stretching = self.matrices.store.last("stretching", content_key(self.key, loads, tied), make)
+        loads, how = divided.unit_loads(), (bool(divided.springs), divided.cut)
+        make = partial(Stretching, self.matrices, self.modes, loads, self.key, *how)
+        found: Stretching = self.matrices.store.last("stretching", content_key(self.key, loads, *how), make)
         return found
 
 

@@ -132,8 +132,8 @@ def turning_forces(
 
 
 def missed_energy(
-    body: ReducedBody, motions: FloatArray, loads: FloatArray, stiff: int, sums: Sequence[FloatArray], work: FloatArray,
-    least: float, springs: Callable[[FloatArray], FloatArray],
+    body: ReducedBody, motions: FloatArray, loads: FloatArray, stiff: int, alone: int, sums: Sequence[FloatArray],
+    work: FloatArray, least: float, springs: Callable[[FloatArray], FloatArray],
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Quartic form by which the work of loads on the tree's places exceeds that on those of the finite element model.
 
@@ -144,8 +144,8 @@ def missed_energy(
         Modal coordinates of static responses.
     loads : (r, 6 I + s) float
         Forces and moments on the interfaces that cause them, N and N m, and pulls of springs.
-    stiff : int
-        How many of the first ones count by their first power, or alone.
+    stiff, alone : int
+        How many of the first ones count by their first power, and how many of these by themselves, too.
     sums : (1, I, 3, 3, 3), (r, I, 3, 3, 3) and (I, 3) float
         `lever_sums` of places and of motions, and how far points are off their nodes.
     work : (p, p) float
@@ -172,7 +172,7 @@ def missed_energy(
         return np.hstack([third.reshape(len(third), -1), springs(amplitudes.T)])
 
     # A cubic form follows from what it is of sums of three motions; equations of quartic terms would be thousands.
-    a, b, c = np.array([t for t in combinations_with_replacement(range(count), 3) if t[1] >= stiff or t[2] < stiff]).T
+    a, b, c = np.array([t for t in combinations_with_replacement(range(count), 3) if t[1] >= stiff or t[2] < alone]).T
     one, two = cubic(np.arange(count)), cubic(*np.indices((count, count)).reshape(2, -1)).reshape(count, count, -1)
     found = cubic(a, b, c) - two[a, b] - two[a, c] - two[b, c] + one[a] + one[b] + one[c]
     found /= ((1 + (a == b)) * (1 + (b == c) * (1 + (a == b))))[:, None]
@@ -182,7 +182,7 @@ def missed_energy(
     terms, which, times = np.unique(four @ places, return_inverse=True, return_counts=True)
     energy = np.bincount(np.searchsorted(terms, np.sort(every) @ places), (loads @ found.T).ravel(), len(terms))
     energy -= np.bincount(which.ravel(), work.ravel(), len(terms))
-    mixed = (four[..., 1] < stiff) & (four[..., 3] >= stiff)
+    mixed = (four[..., 1] < stiff) & (four[..., 3] >= alone)
     # Equal parts go to all products of two pairs that make a term.
     values, vectors = np.linalg.eigh(np.where(mixed, 0.0, (energy / times)[which.reshape(work.shape)]))
     kept = np.abs(values) > least
