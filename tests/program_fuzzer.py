@@ -187,6 +187,13 @@ def main(core, seed, count):
     print(refused, worked)
 
 
+def rewritten(path, data):
+    """Another file in its place: a slave that is no longer needed, but not freed yet, may still read the former."""
+    new = path.with_suffix(".new")
+    new.write_bytes(data)
+    new.replace(path)
+
+
 def through_the_fmu(core, seed, count):
     """The same with the programs of an FMU, variables and all: its slave is started, stepped and read."""
     small = body_of_everything(1, modes=3, frames=2, interfaces=2)
@@ -200,7 +207,7 @@ def through_the_fmu(core, seed, count):
         path = list(images)[number % len(images)]
         altered, words = forged(images[path], rng, images[folder / DESCRIPTION])
         print(f"{number} {path.name}: {words}", file=sys.stderr, flush=True)
-        path.write_bytes(altered)
+        rewritten(path, altered)
         signal.alarm(PATIENCE)
         try:
             slave = aboard.start(method=path.stem) if path.stem in {m.value for m in Method} else aboard.start()
@@ -217,7 +224,7 @@ def through_the_fmu(core, seed, count):
             worked += 1
         except (SlaveError, UnicodeDecodeError):
             refused += 1
-        path.write_bytes(images[path])
+        rewritten(path, images[path])
     signal.alarm(0)
     print(refused, worked)
 
