@@ -7,6 +7,7 @@ import pytest
 
 from flexfmu import read_mesh
 from flexfmu.files.basics import MeshError
+from flexfmu.mesh.model import NO_MATERIAL
 
 pytest.importorskip("pyNastran")
 
@@ -42,6 +43,15 @@ def _file(folder: Path, card: str, control: str = "") -> Path:
 def test_a_card_with_stiffness_mass_or_constraint_is_refused_by_name_and_line(tmp_path, card):
     with pytest.raises(MeshError, match=rf"{card.split(',')[0]}.*line {LAST}\b"):
         read_mesh(_file(tmp_path, card))
+
+
+@pytest.mark.parametrize("card", ["MAT1           1                              0.      0.      0.", "MAT1,1,,,,0."])
+def test_a_material_without_numbers_is_none(tmp_path, card):
+    """As of exporters that have a mesh alone: the body file tells."""
+    path = tmp_path / "body.bdf"
+    path.write_text("".join(f"{card}\n" if line.startswith("MAT1") else f"{line}\n" for line in BULK.splitlines()))
+    (block,) = read_mesh(path).blocks
+    assert block.material.tolist() == [NO_MATERIAL]
 
 
 def test_a_file_without_grid_points_is_refused_in_words(tmp_path):

@@ -56,8 +56,8 @@ _PARAMETERS = {
     "AUTOSPC": "what has no stiffness is not held by itself, but by supports",
     "K6ROT": "shells have no stiffness against turns about their normals",
 } | dict.fromkeys(("G", "ALPHA1", "ALPHA2"), "give [damping]")
-# pyNastran 1.3 knows no MYSTRAN.
-_ORDER = re.compile(r"\$\s*pynastran\s*:\s*version\s*=\s*mystran", re.IGNORECASE)
+# pyNastran 1.3 knows no MYSTRAN, and no MAT1 without numbers, which exporters write where there is no material.
+_UNKNOWN = re.compile(r"(?i)\$\s*pynastran\s*:\s*version\s*=\s*mystran|mat1 {4}.{8} {24}|mat1 *, *\d+ *(, *){4}")
 # Those that count where the case control chooses them.
 _CHOSEN = {"DMIG": {"K2GG", "M2GG", "K2PP", "M2PP"}, "NSM": {"NSM"}}
 
@@ -118,9 +118,9 @@ def _source(path: Path) -> tuple[str | io.StringIO, bool, bool]:
             raise MeshError(f"{path} includes files and has BEGIN BULK without CEND: take out the line BEGIN BULK")
         return str(path), not control, ended
     start = begins[0] + 1 if begins and not control else 0
-    # Neither a BEGIN BULK that comes again, nor a version that pyNastran refuses.
+    # Neither a BEGIN BULK that comes again, nor what pyNastran refuses.
     idle = {k for k in begins[1:] if len(words[k]) == 2}
-    kept = [line for k, line in enumerate(lines) if k >= start and k not in idle and not _ORDER.match(line)]
+    kept = [line for k, line in enumerate(lines) if k >= start and k not in idle and not _UNKNOWN.match(line)]
     return io.StringIO("".join(kept)), not control, ended
 
 
