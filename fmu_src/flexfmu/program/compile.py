@@ -27,7 +27,7 @@ _CHAIN = 0.25
 # Critical load of the clamped column over what the moment u × F alone makes of it.
 _MOMENT = 8.0 / np.pi**2
 # Bits of its numbers, of each load's largest: estimates of a few percent need no more, and short ones pack well.
-_BITS = 13
+_BITS = 16
 _BY_LOAD, _BY_SECOND_ORDER = "geometric stiffness by load", "the frames to second order"
 
 
