@@ -1,12 +1,15 @@
 """Springs of decks against CalculiX on the same decks (tests/foreign/spring_bars.py), and what is refused of them."""
 
 import csv
+import re
+import warnings
 from functools import partial
 
 import numpy as np
 import pytest
 
 import flexfmu
+from flexfmu.body.reference_loads import reference_loads
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import DeckError, UnitSystem
 from flexfmu.files.outputs import Reporter
@@ -65,6 +68,40 @@ def test_bodies_with_springs_bend_far_by_the_default_method_as_in_calculix(name,
     straight = LARGE * calculix[name, "linear"]
     assert np.linalg.norm(straight - expected) > 0.01 * np.linalg.norm(expected)
     assert np.linalg.norm(found - expected) < 5e-3 * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize(("stiffness", "length"), [(1e5, 0.15), (2e6, 0.2), (1e6, 0.36), (1e2, 0.15), (1e6, 2.0)])
+def test_a_line_spring_whose_end_moves_far_against_its_length_is_warned_of_by_what_it_puts_the_bar_off(
+    stiffness, length, tmp_path
+):
+    """Beside the finite element model, under the load that the build names."""
+    place = deck("line to the ground")[0].split("9001, ")[1].split("\n")[0]
+    x, *across = map(float, place.split(","))
+    near = x + length, across[0] + 0.3, across[1] - 0.2
+    path = tmp_path / "bar.inp"
+    path.write_text(
+        deck("line to the ground")[0].replace(place, ", ".join(map(repr, near))).replace("1000000.0", f"{stiffness!r}")
+    )
+    mesh = read_deck(path, UnitSystem.SI)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        body = flexfmu.Body(mesh, None, ["ROOT"], {"tip": flexfmu.Interface("TIP", weights="node")})
+        built = body.build(surface=False)
+    said = [str(one.message) for one in caught if "springs along a line (SPRINGA 9001)" in str(one.message)]
+    model, off = assemble_model(checked(body.mesh), body.spec.options), {}
+    tip = model.mesh.node_sets["TIP"]
+    for _, _, force, state in reference_loads(built):
+        load = np.zeros((len(model.mesh.points), 3))
+        load[tip] = force / len(tip)
+        how = model.mesh, model.unknowns, model.spring, load.ravel(), [1.0], Reporter()
+        u = load_path(*how, partial(resisted, model.bushings.readings)).displacement[-1]
+        moved = u.reshape(-1, 3)[tip].mean(axis=0)
+        error = np.linalg.norm(built.response(state).displacement[0] - moved) / np.linalg.norm(moved)
+        off[f"{np.linalg.norm(force):.3g}"] = max(error, off.get(f"{np.linalg.norm(force):.3g}", 0.0))
+    assert len(said) == (max(off.values()) > 0.01)
+    for share, newton in re.findall(r"up to (\S+) % under (\S+) N", "".join(said)):
+        assert 0.8 * max(off.values()) < off[newton]
+        assert 0.01 * float(share) == pytest.approx(off[newton], rel=0.5)
 
 
 REFUSED = {

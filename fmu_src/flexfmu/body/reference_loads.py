@@ -1,6 +1,6 @@
 """Loads that bend a body as far as it is likely to be bent, where nobody says how far."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -8,8 +8,10 @@ import numpy as np
 
 from ..core.interface import parameter
 from ..files.basics import EquilibriumError, FloatArray
+from ..mesh.model import Along
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody, Shadow
+from ..reduction.bushings import SpringReading
 from .flexible_body import FlexibleBody, State
 
 # Reference loads turn an interface by so much (rad), or move it by such a share of the body's size, in linear theory.
@@ -144,6 +146,47 @@ def apart(body: ReducedBody, *shadows: Shadow | None, first: ReducedBody | None 
 
 def _with(body: ReducedBody, *shadows: Shadow | None) -> list[FlexibleBody]:
     return [FlexibleBody(body), *(FlexibleBody(one.body, Method.SECOND_ORDER) for one in shadows if one is not None)]
+
+
+def missed_by_lines(body: ReducedBody, shapes: FloatArray, springs: Sequence[SpringReading]) -> list[str]:
+    """How far reference loads put a held body off, in words, as springs follow their line by its second order alone.
+
+    Of places that have given way to that order, forces of both are compared, and the linear body answers.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    shapes : (3n, m) float
+        Its modes.
+    springs : sequence of SpringReading
+
+    Returns
+    -------
+    list of str
+        None if it is no more than FMUs warn of.
+    """
+    lines = [one for one in springs if one.spring.along is Along.LINE]
+    if not lines or body.rigid_count:
+        return []
+    model, worst, eased = FlexibleBody(body), (0.0, ""), body.angular_frequency**2
+    for _, name, force, state in reference_loads(model):
+        missed = np.zeros(body.mode_count)
+        for one in lines:
+            moved, stiffness = one.rows @ shapes[one.columns], one.spring.stiffness[0]
+            z = moved @ state.q
+            slope, bend = one.slope(0.0 * z)[0], one.bend(0.0 * z)[0] @ z
+            given = z - 0.5 * stiffness * (bend @ z) * (moved / eased) @ (slope @ moved)
+            true = one.values(given)[0] * one.slope(given)[0]
+            missed += stiffness * (true - (slope @ given + 0.5 * bend @ z) * (slope + bend)) @ moved
+        each = np.linalg.norm(
+            [body.interface_displacement @ (missed / eased), model.response(state).displacement], axis=2
+        )
+        off, far = map(float, each.max(axis=1))
+        worst = max(worst, (off / far, f"{100.0 * off / far:.2g} % under {np.linalg.norm(force):.3g} N on {name}"))
+    found = f"springs along a line ({', '.join(one.spring.name for one in lines[:3])}) that turn far are known to"
+    do = "make their ends interfaces, and join these by a [[spring]] of a coupling file"
+    words = f"{found} second order, which puts the body off by up to {worst[1]}: {do}"
+    return [words] * (worst[0] > (body.tolerance or parameter("ERROR_LIMIT").start))
 
 
 def own_error(body: ReducedBody) -> list[str]:

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from ..body.reference_loads import apart, differs_more, keeps_its_mass, lumps_are_fine
+from ..body.reference_loads import apart, differs_more, keeps_its_mass, lumps_are_fine, missed_by_lines
 from ..files.basics import FlexfmuError, FloatArray, UnitSystem, own_version, plural
 from ..files.outputs import Reporter, Tentative
 from ..files.store import Store
@@ -271,6 +271,8 @@ def _reduced(
     if use.variant.mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
         use = replace(use, variant=Variant(use.variant.method))
     body = used_body(body, use)
+    if isinstance(made, Reduced):
+        report.tell(warnings=missed_by_lines(body, made.shapes, model.bushings.readings))
 
     def certified() -> _Certified:
         if isinstance(made, Joined) or not options.certificate:

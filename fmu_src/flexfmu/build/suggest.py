@@ -185,8 +185,7 @@ def mesh_lines(mesh: Mesh, units: UnitSystem) -> list[str]:
     if mesh.fixed.any():
         lines.append(f"the file holds {int(mesh.fixed.any(axis=1).sum())} nodes; [mesh] boundary = false lets them go")
     for name, rows in mesh.node_sets.items():
-        known = {key.upper(): point for key, point in mesh.references.items()}
-        point = known.get(name.upper())
+        point = {key.upper(): point for key, point in mesh.references.items()}.get(name.upper())
         kind, at = ("centre", mesh.points[rows]) if point is None else ("reference point", point[None])
         about = f", {kind} {point_words(at.mean(axis=0))} {unit}" if len(rows) else ""
         lines.append(f"node set {name}: {len(rows)} nodes{about}")
@@ -351,8 +350,7 @@ def _ends_and_bores(mesh: Mesh) -> _Ends | None:
     holes = bores(mesh)
     side, places = np.ptp(mesh.points, axis=0), plane_ends(mesh)
     reach = {name: np.ptp(mesh.points[node_set(mesh, place, name)], axis=0).max() for name, place in places.items()}
-    ends = {name: place for name, place in places.items() if reach[name] <= _SIDE * (side @ place.normal)}
-    places = ends | holes
+    places = {name: place for name, place in places.items() if reach[name] <= _SIDE * (side @ place.normal)} | holes
     rows = dict(mesh.node_sets) | {name: node_set(mesh, place, name) for name, place in places.items()}
     steps = [name for name, own in mesh.node_sets.items() if name.startswith(_HELD) and len(own)]
     held = [name for name in steps if name.split()[1] == steps[0].split()[1]] or list(places)[:1]

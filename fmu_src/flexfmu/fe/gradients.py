@@ -209,8 +209,7 @@ def stressed_gradients(mesh: Mesh, fields: FloatArray, responses: FloatArray, pa
         # What responses and the elements' own shape functions leave; each of two different motions comes first once.
         strain += some.strains(w) + some.relaxation(some.work(strain))
         strain *= np.where(pairs[:, 0] == pairs[:, 1], 1.0, 2.0)
-        work = some.work(np.concatenate([some.strains(u), strain], axis=2))
-        forces = some.nodal(work, slopes)
+        forces = some.nodal(some.work(np.concatenate([some.strains(u), strain], axis=2)), slopes)
         add_nodal(result, some.nodes, some.relaxed(forces.reshape(*forces.shape[:3], -1))[0])
     return result.reshape(3 * count, m, -1)
 
@@ -260,8 +259,7 @@ def point_stress(mesh: Mesh, elements: IntArray, fields: FloatArray) -> tuple[Fl
             for row in np.unique(block.material[inside]).tolist():
                 chosen = inside[block.material[inside] == row]
                 for first in range(0, len(chosen), CHUNK):
-                    part = block.part(chosen[first : first + CHUNK])
-                    place, found = face_stress(mesh, part, u, mesh.materials[row])
+                    place, found = face_stress(mesh, block.part(chosen[first : first + CHUNK]), u, mesh.materials[row])
                     places.append(place.reshape(-1, 3))
                     stresses.append(found.reshape(-1, 6, u.shape[2]))
             continue

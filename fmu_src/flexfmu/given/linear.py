@@ -194,8 +194,7 @@ def mass_integrals(given: GivenModes) -> tuple[float, dict[str, Series]]:
     # ∫ a^x_i a^y_j
     pair = products[1:, 1:].reshape(1 + number, 3, 1 + number, 3).swapaxes(1, 2)
     trace = np.einsum("xyaa->xy", pair)
-    cross = np.cross(np.eye(3)[:, None], np.eye(3)[None])  # e_a × e_b
-    turned = np.einsum("abi,xyab->xyi", cross, pair)
+    turned = np.einsum("abi,xyab->xyi", np.cross(np.eye(3)[:, None], np.eye(3)[None]), pair)
     # −a~ b~ = (a·b) I − b aᵀ
     twice = trace[..., None, None] * np.eye(3) - pair.swapaxes(-1, -2)
     squares = np.einsum("kab,xyab->xyk", _SQUARES, pair)

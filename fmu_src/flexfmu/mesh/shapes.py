@@ -93,8 +93,7 @@ class Shape:
     def layered(self) -> IntArray:
         """Where the nodes (n,) stand in Nastran and Exodus, with mid-side nodes from the bottom to the top."""
         count = len(self.polytope.corners)
-        height = self.nodes[count:, 2:].sum(axis=1)
-        return np.argsort([*range(count), *(count + np.argsort(height, kind="stable"))])
+        return np.argsort([*range(count), *(count + np.argsort(self.nodes[count:, 2:].sum(axis=1), kind="stable"))])
 
     @cached_property
     def _coefficients(self) -> FloatArray:

@@ -200,8 +200,7 @@ def _place(target: FloatArray, ends: FloatArray, corners: int) -> tuple[FloatArr
     for _ in range(_MOST_ROUNDS):
         value, slope = shape.value(place)[0], shape.gradient(place)[0]
         at = low + share * thick
-        jacobian = np.column_stack([at.T @ slope, value @ thick])
-        step = np.linalg.solve(jacobian, target - value @ at)
+        step = np.linalg.solve(np.column_stack([at.T @ slope, value @ thick]), target - value @ at)
         place, share = place + step[:2], share + float(step[2])
         if np.abs(step).max() < _SETTLED:
             break

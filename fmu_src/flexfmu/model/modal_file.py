@@ -154,8 +154,7 @@ def _write(file: Any, path: str, entry: Entry, value: Any) -> None:
         if data.size:
             dataset.write(h5s.ALL, h5s.ALL, data)
     for name, text in ((b"unit", entry.unit), (b"description", entry.description)):
-        place = h5a.create(dataset, name, _KEPT_TEXT, h5s.create(h5s.SCALAR))
-        place.write(np.array(text, dtype=object), _GIVEN_TEXT)
+        h5a.create(dataset, name, _KEPT_TEXT, h5s.create(h5s.SCALAR)).write(np.array(text, dtype=object), _GIVEN_TEXT)
 
 
 def read_modal_file(source: str | Path | BinaryIO) -> ReducedBody:

@@ -134,8 +134,7 @@ def _depth(body: ReducedBody) -> int:
     """Frames in the longest chain of those that carry material, but for the floating one."""
     depth: list[int] = []
     for frame, parent in enumerate(body.frame_parent.tolist()):
-        counts = 0 if body.floating and frame == 0 else 1
-        depth.append(counts + (0 if parent == GROUND else depth[parent]))
+        depth.append((0 if body.floating and frame == 0 else 1) + (0 if parent == GROUND else depth[parent]))
     return max(depth, default=0)
 
 

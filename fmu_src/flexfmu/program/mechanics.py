@@ -260,8 +260,7 @@ def _put_ties(draft: Draft, ties: Ties, tree: Tree) -> None:
     turns = np.any(directions, axis=1) & np.any(ties.lever != 0.0, axis=(1, 2))
     resists = np.concatenate([directions, np.repeat(turns[:, None], 3, axis=1)], axis=1)
     # Each tie has four springs along an axis: at its centre and at three levers.
-    far = float(np.linalg.norm(tree.point, axis=1).max())
-    noise = _ROUND_OFF * far * float(np.sqrt(4.0 * ties.stiffness.sum()))
+    noise = _ROUND_OFF * float(np.linalg.norm(tree.point, axis=1).max()) * float(np.sqrt(4.0 * ties.stiffness.sum()))
     draft.sizes["ties"] = len(turned)
     draft.arrays |= {
         "tie_stiffness": ties.stiffness,

@@ -324,8 +324,7 @@ def turning_loads(matrices: Matrices, loads: FloatArray) -> FloatArray:
     forces, held = gradients.quadratic_strain(mesh, fields, pairs, tell_nobody)
     answer = model.static(model.forces(forces))
     spin = gradients.mean_spin(mesh, model.whole(answer))
-    stretch = 0.5 * (held - model.forces(forces).T @ answer).diagonal()
-    tense = stretch > TENSE * np.sqrt(energy[pairs].prod(axis=1))
+    tense = (0.5 * (held - model.forces(forces).T @ answer).diagonal()) > TENSE * np.sqrt(energy[pairs].prod(axis=1))
     enough = tense & (spin.diagonal() > (TURNING * _TURN**2) ** 2)
     turned, axes = np.linalg.eigh(spin)
     return forces @ axes[:, np.flatnonzero((turned > _NO_TURN * turned[-1]) & enough.any())[::-1][:_TURNED]]
@@ -474,5 +473,4 @@ def _buckled_shapes(matrices: Matrices, motion: FloatArray) -> FloatArray:
         settled = left <= np.maximum(_TOLERANCE * np.abs(inverse), 1.0 - np.abs(inverse))
         if settled.all() and (number >= _ROUNDS[0] or not turn.size):
             break
-    first = np.argsort(-np.abs(inverse))[: np.sum(np.abs(inverse) > 1.0)]
-    return (spanned[:, :ended] @ found[:, first]).T
+    return (spanned[:, :ended] @ found[:, np.argsort(-np.abs(inverse))[: np.sum(np.abs(inverse) > 1.0)]]).T

@@ -251,8 +251,7 @@ def linked(mesh: Mesh) -> sp.csr_array:
     share = sum(parts[1:], parts[0])
     share.eliminate_zeros()
     # Each node's share of a face goes to the elements of the nodes that it is joined to, in equal parts.
-    member = sp.csr_array((np.ones(share.nnz), share.indices, share.indptr), shape=shape)
-    reached = sp.csr_array(joined @ member.T)
+    reached = sp.csr_array(joined @ sp.csr_array((np.ones(share.nnz), share.indices, share.indptr), shape=shape).T)
     reached.data[:] = 1.0
     count = np.maximum(np.asarray(reached.sum(axis=1)).ravel(), 1.0)
     across = sp.csr_array(share @ (sp.diags_array(1.0 / count) @ reached))

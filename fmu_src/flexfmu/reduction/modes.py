@@ -347,8 +347,7 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
         modes = vectors @ small
         # Shapes of stiff pieces leave more than round-off. In this order soft modes stay clear of them.
         for _ in range(_ORTHONORMALISATIONS):
-            lower = np.linalg.cholesky(modes.T @ (m @ modes))
-            modes = scipy.linalg.solve_triangular(lower, modes.T, lower=True).T
+            modes = scipy.linalg.solve_triangular(np.linalg.cholesky(modes.T @ (m @ modes)), modes.T, lower=True).T
     except np.linalg.LinAlgError as error:
         found = f"the modes are not independent of each other ({error})"
         advice = "look for parts that hang on the rest by a single edge or corner, or ask for fewer modes"

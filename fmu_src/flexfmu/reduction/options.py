@@ -452,8 +452,7 @@ def _nearby(mesh: Mesh, place: Place, key: str, units: UnitSystem) -> str:
     words = f"the body reaches from {_point(low / unit)} to {_point(high / unit)} {name}"
     centre = place.plane or place.patch or place.nearest
     if place.plane is not None and place.normal is not None:
-        normal = np.array(place.normal) / np.linalg.norm(place.normal)
-        least = np.abs((mesh.points - place.plane) @ normal).min()
+        least = np.abs((mesh.points - place.plane) @ (np.array(place.normal) / np.linalg.norm(place.normal))).min()
         words += f", and its node nearest to the plane misses it by {least / unit:.3g} {name}"
     elif centre is not None:
         away = np.linalg.norm(mesh.points - centre, axis=1).min()

@@ -279,8 +279,7 @@ def requested_subdomains(mesh: Mesh, supported: IntArray, requests: Sequence[Fra
             chain = ", ".join(f"{r.name!r} on {r.parent!r}" for r in waiting)
             raise BodyFileError(f"[[frame]] parents must form a tree; these lead to no root: {chain}")
         for request in ready:
-            neighbour = supported if request.parent is None else known[request.parent].nodes
-            joint, point = _joint(mesh, request, neighbour)
+            joint, point = _joint(mesh, request, supported if request.parent is None else known[request.parent].nodes)
             elements = elements_within(mesh, request.nodes)
             body = by_node(request.nodes)
             turn = None

@@ -318,8 +318,7 @@ def map_figure(records: Path) -> Figure:
     panel_width = _CELL * wide + 0.6
     across = min(len(cases), max(1, int((_PAGE - _LABELS) / panel_width)))
     down = math.ceil(len(cases) / across)
-    size = across * panel_width + _LABELS, down * (_ROW * high + 0.7) + 0.9
-    figure = Drawing(figsize=size, layout="constrained")
+    figure = Drawing(figsize=(across * panel_width + _LABELS, down * (_ROW * high + 0.7) + 0.9), layout="constrained")
     grid = figure.subplots(down, across, squeeze=False, sharey=True)
     for panel in grid.flat[len(cases) :]:
         panel.set_visible(False)

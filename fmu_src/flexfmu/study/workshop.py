@@ -333,8 +333,7 @@ class Workshop:
         whole, found = build(reduction_config(self.scene.config, most, variants).certified, self.store).body, []
         for one in models:
             try:
-                body = lean(_part(whole, most, one.reduction), one.variant)
-                own = self._own(FlexibleBody(body, limits=one.limits))
+                own = self._own(FlexibleBody(lean(_part(whole, most, one.reduction), one.variant), limits=one.limits))
                 found.append(max((told.relative for told in own), default=math.nan))
             except RuntimeBodyError:
                 found.append(math.nan)

@@ -131,8 +131,7 @@ def draw_view(view: View, case: Case | None, shape: int) -> Figure:
     Figure
     """
     factor = 1.0 if case is None else view.factor(case)
-    moved = np.zeros_like(view.points) if case is None else case.places[shape] - view.points
-    points = view.points + factor * moved
+    points = view.points + factor * (np.zeros_like(view.points) if case is None else case.places[shape] - view.points)
     both = np.concatenate([view.points, points])
     camera = camera_of(np.ptp(both, axis=0))
     extent = np.ptp(both @ camera[:2].T, axis=0)

@@ -88,8 +88,7 @@ class Assembly:
     def _assembled(self, instances: Sequence[_Instance], own: Sequence[Card]) -> Iterator[Card]:
         contents = [[*self._content(one), *more] for one, more in instances]
         # A number of a later instance reads as its own with the instance's place before it: 12 becomes 1012.
-        highest = max((_highest(content) for content in [*contents, own]), default=0)
-        step = 10 ** len(str(highest))
+        step = 10 ** len(str(max((_highest(content) for content in [*contents, own]), default=0)))
         for place, ((one, _), content) in enumerate(zip(instances, contents, strict=True)):
             name = one.required("NAME")
             if name.upper() in self.offsets:

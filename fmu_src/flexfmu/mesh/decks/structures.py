@@ -271,8 +271,7 @@ def _beam(card: Card, materials: DeckMaterials, units: UnitSystem) -> Beam:
             raise card.line.error("*BEAM GENERAL SECTION should have a third row with the moduli E and G; add it")
         # A material of ν = 0: the modulus of shear is in the section.
         over = 2.0 * rows[2][1] / rows[2][0]
-        constants = *section.constants[:3], *(over * one for one in section.constants[3:])
-        section = section._replace(constants=constants)
+        section = section._replace(constants=(*section.constants[:3], *(over * one for one in section.constants[3:])))
         text, name = card.parameters.get("DENSITY"), f"section of {card.required('ELSET')}"
         density = number(text, card.line, "DENSITY") * units.density if text else nan
         materials.cards[name.upper()] = card.line, Material(name, rows[2][0] * units.stress, 0.0, density)

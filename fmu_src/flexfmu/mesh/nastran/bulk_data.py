@@ -183,8 +183,7 @@ def _contents(model: Any, path: Path, units: UnitSystem) -> Contents:
     for element in model.elements.values():
         if element.type not in (*_IDLE, *CARDS, *SPRINGS):
             card = SHELLS.get(element.type, element.type)
-            flat = _is_face(element, model)
-            count = len(element.nodes) if flat else _node_count(element, card, path)
+            count = len(element.nodes) if _is_face(element, model) else _node_count(element, card, path)
             card = f"{card[:-1]}{count}" if card in SHELLS else card
             nodes = [element.nodes[k] for k in (_SOLIDS | _FACES)[card, count].layered]
             kinds.setdefault((card, count), []).append(Member(element.eid, nodes, element.pid))

@@ -272,8 +272,7 @@ def single_point_sets(model: Any, notes: list[str]) -> tuple[dict[str, list[int]
     for name, card in ((f"SPC {number}", card) for number, cards in model.spcs.items() for card in cards):
         nodes, own = getattr(card, "nodes", ()), set("".join(map(str, getattr(card, "components", ""))))
         held.setdefault(name, set()).update(own)
-        carried = [one for at in nodes if own >= _ALL for one in rigid.get(at, ())]
-        sets.setdefault(name, []).extend([*nodes, *carried])
+        sets.setdefault(name, []).extend([*nodes, *[one for at in nodes if own >= _ALL for one in rigid.get(at, ())]])
     sets["SPC 0"] = [label for label, grid in model.nodes.items() if set(str(grid.ps)) & set(_TRANSLATIONS)]
     hinges = {name for name, directions in held.items() if not directions & set(_ROTATIONS)}
     for name in (one for one in sets if sets[one]):

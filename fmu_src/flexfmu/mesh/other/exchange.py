@@ -257,8 +257,7 @@ def _contents(variables: Mapping[str, Any], path: Path) -> Contents:
     }
     for number, name in enumerate(_titles(variables, "elem_ss", "ss_names", "side set"), start=1):
         elements = np.asarray(variables[f"elem_ss{number}"]["data"], dtype=np.int64) - 1
-        sides = np.asarray(variables[f"side_ss{number}"]["data"], dtype=np.int64) - 1
-        nodes = _side_nodes(cells, elements, sides)
+        nodes = _side_nodes(cells, elements, np.asarray(variables[f"side_ss{number}"]["data"], dtype=np.int64) - 1)
         point_sets[name] = np.union1d(point_sets.get(name, nodes), nodes)
     labels = variables.get("node_num_map")
     mesh = meshio.Mesh(points, cells, point_sets=point_sets, cell_sets=sets)

@@ -134,8 +134,7 @@ def element_contacts(mesh: Mesh) -> Contacts:
         at = mesh.points[members[:, : block.corner_count]]
         edge = at[:, -1] - at[:, 1] if block.corner_count == 4 else at[:, 1] - at[:, 0]
         area = 0.5 * np.cross(at[:, 2] - at[:, 0], edge)
-        forward = np.einsum("fi,fi->f", area, centre[pair[:, 1]] - centre[pair[:, 0]])
-        areas.append(area * np.sign(forward)[:, None])
+        areas.append(area * np.sign(np.einsum("fi,fi->f", area, centre[pair[:, 1]] - centre[pair[:, 0]]))[:, None])
         elements.append(pair)
         rows.append(np.repeat(first + np.arange(len(members)), members.shape[1]))
         columns.append(members.ravel())
@@ -226,8 +225,7 @@ def _sections_between(mesh: Mesh, contacts: Contacts, side: IntArray) -> tuple[l
 def _sides_hang_together(contacts: Contacts, side: IntArray) -> bool:
     """Whether each side is in one piece."""
     ends = side[contacts.elements]
-    same = contacts.elements[(ends[:, 0] == ends[:, 1]) & (ends[:, 0] >= 0)]
-    number = linked_pieces(same, side.size)
+    number = linked_pieces(contacts.elements[(ends[:, 0] == ends[:, 1]) & (ends[:, 0] >= 0)], side.size)
     return all(np.unique(number[side == one]).size == 1 for one in (0, 1))
 
 
@@ -362,8 +360,7 @@ def _best_inner(
 
 def _beside(contacts: Contacts, closed: BoolArray, around: BoolArray, side: IntArray, across: BoolArray) -> bool:
     """Whether a way leads past a section, by contacts (c,) that stay closed, through the elements (e,) around it."""
-    near = closed & around[contacts.elements].all(axis=1)
-    piece = linked_pieces(contacts.elements[near], side.size)
+    piece = linked_pieces(contacts.elements[closed & around[contacts.elements].all(axis=1)], side.size)
     ends = contacts.elements[across]
     first = side[ends[:, 0]] == 0
     here, there = np.where(first, ends[:, 0], ends[:, 1]), np.where(first, ends[:, 1], ends[:, 0])

@@ -200,8 +200,7 @@ def turning_taken(mesh: Mesh, fields: FloatArray, parts: Sequence[IntArray]) -> 
     volume = mesh.volumes
     weight = np.array([volume[elements].sum() for elements in parts]) / volume.sum()
     means = np.array([mean_rotation(mesh, elements).of(fields) for elements in parts])
-    whole = np.tensordot(weight, means, axes=1)
-    left_by_one = turned - (whole**2).sum(axis=0)
+    left_by_one = turned - (np.tensordot(weight, means, axes=1) ** 2).sum(axis=0)
     left_by_parts = turned - weight @ (means**2).sum(axis=1)
     # Where hardly anything turns about the one frame, there is nothing to gain.
     worth = left_by_one > _TURNS * turned

@@ -202,8 +202,7 @@ def finite_motion(interface: InterfaceFit, points: FloatArray, displacement: Flo
     shift, turn = np.zeros(3), np.eye(3)
     # The linear fit of what a rigid motion leaves, until it leaves nothing that is rigid.
     for _ in range(_FIT_ROUNDS):
-        left = (moved - shift) @ turn - arm
-        change = interface.operator @ left.ravel()
+        change = interface.operator @ ((moved - shift) @ turn - arm).ravel()
         shift = shift + turn @ change[:3]
         turn = turn @ turned_by(change[3:])
         if np.linalg.norm(change[3:]) < _FITTED:
