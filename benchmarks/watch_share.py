@@ -39,7 +39,7 @@ def steps(
 ) -> np.ndarray:
     """Seconds of each variant (see steps.c): to make an instance, then of a step of each block of steps.
 
-    {off} stands for parameters that switch all watches off.
+    {off} stands for parameters that switch all watches off but the one that shortens internal steps: that is accuracy.
     """
     place = fmu.with_suffix("")
     if not place.exists():
@@ -48,7 +48,8 @@ def steps(
     description = fmpy.read_model_description(str(fmu), validate=False)
     references = {v.name: v.valueReference for v in description.modelVariables}
     counts = [sum(v.causality == kind for v in description.modelVariables) for kind in ("input", "output")]
-    off = ",".join(f"{r}=0" for name, r in references.items() if name.startswith("watch.") and name.endswith(".limit"))
+    limits = [name for name in references if name.startswith("watch.") and name.endswith(".limit")]
+    off = ",".join(f"{references[name]}=0" for name in limits if name != "watch.steps_missed.limit")
     pairs = [f"{r}={size}" for name, r in references.items() for end, size in loads.items() if name.endswith(end)]
     library = place / "binaries" / "linux64" / f"{description.coSimulation.modelIdentifier}.so"
     words = [
