@@ -4,6 +4,7 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -211,7 +212,7 @@ def test_init_holds_one_bore_of_a_link_without_plane_ends_and_loads_the_other(tm
 def test_init_finds_the_eyes_of_the_wishbone_and_holds_one_of_them():
     """An end of the box is the end of an eye only: the eye's bore is held, not its rim."""
     folder = Path(__file__).parents[2] / "demo/wishbone"
-    mesh, units = likely_mesh(folder / "wishbone.msh")
+    mesh, units, _ = likely_mesh(folder / "wishbone.msh")
     written = tomllib.loads(starting_body_file(checked(mesh), folder / "wishbone.msh", units))
     body = tomllib.loads((folder / "body.toml").read_text(encoding="utf-8"))
     assert (len(written["support"]), len(written["interface"])) == (1, 2)
@@ -354,7 +355,7 @@ def test_init_takes_beams_with_a_corner_for_one_body(tmp_path):
         "*BEAM SECTION, ELSET=ALL, MATERIAL=STEEL, SECTION=RECT\n0.03, 0.04\n0, 1, 0\n",
         encoding="utf-8",
     )
-    mesh, units = likely_mesh(tmp_path / "frame.inp")
+    mesh, units, _ = likely_mesh(tmp_path / "frame.inp")
     written = tomllib.loads(starting_body_file(checked(mesh), tmp_path / "frame.inp", units))
     assert len(written["support"]) == len(written["interface"]) == 1
 
@@ -447,3 +448,64 @@ def test_an_open_ring_is_no_bore_and_a_slotted_eye_is():
     for half, count in ((60.0, 0), (10.0, 1)):
         kept = angle > np.radians(half)
         assert len(bores(replace(ring, blocks=(block.part(kept),)))) == count
+
+
+@pytest.mark.parametrize("suffix", ["vtk", "msh", "med", "xdmf"])
+@pytest.mark.parametrize("size", [0.4, 400.0])
+def test_init_takes_a_sheet_without_thickness_for_a_shell_of_a_hundredth_of_its_size(tmp_path, suffix, size):
+    x, y = np.meshgrid(np.linspace(0.0, size, 9), np.linspace(0.0, 0.25 * size, 3))
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    corner = (9 * np.arange(2)[:, None] + np.arange(8)).ravel()
+    cells = np.stack([corner, corner + 1, corner + 10, corner + 9], axis=1)
+    path = tmp_path / f"sheet.{suffix}"
+    how = {"file_format": "gmsh22", "binary": False} if suffix == "msh" else {}
+    meshio.write_points_cells(path, points, [("quad", cells)], **how)
+    said = run("init", path, *(["--units", "mm-t-s"] if size > 1.0 and suffix == "msh" else []))
+    assert said.exit_code == 0, said.output
+    config = read_body_file(tmp_path / "sheet.toml")
+    assert config.shell[0].thickness == pytest.approx(0.01 * size)
+    assert config.mesh.units is (UnitSystem.MM_T_S if size > 1.0 else UnitSystem.SI)
+    report = Listening()
+    body = reduce_body(config, report)
+    assert body.properties.mass == pytest.approx(7850.0 * 0.4 * 0.1 * 0.004)
+    assert body.interface_point[0, 0] == pytest.approx(0.4)
+
+
+def test_init_of_a_file_without_any_cells_tells_what_it_found(tmp_path):
+    meshio.write_points_cells(tmp_path / "line.vtk", np.eye(3), [("line", np.array([[0, 1], [1, 2]]))])
+    said = run("init", tmp_path / "line.vtk")
+    assert said.exit_code == 1
+    assert "holds no volume cells (found: line)" in " ".join(said.output.split())
+
+
+def test_init_tells_what_is_wrong_in_the_units_that_a_density_may_have(tmp_path):
+    """In kg, m and s steel of mm and t is lighter than air: what hinders in any units was hidden by that."""
+    path = write_deck(box(ElementType.C3D8, (4, 1, 1), (400.0, 40.0, 40.0)), tmp_path / "bar.inp")
+    text = path.read_text().replace("7850.0", "7.85e-9") + "*NSET, NSET=WRONG\n123456\n"
+    path.write_text(text)
+    said = " ".join(run("init", path).output.split())
+    assert "node 123456 is not defined" in said
+    assert "density" not in said
+    path.write_text(text.replace("123456", "1").replace("7.85e-9", "7.85e30"))
+    assert "expected 0.0001 to 100000" in " ".join(run("init", path).output.split())
+
+
+def test_nodes_that_miss_a_bore_s_cylinder_by_more_than_places_may_are_within_its_tolerance():
+    """As those of shells along straight sides do."""
+    mesh = lug(ElementType.C3D8)
+    radius = np.linalg.norm(mesh.points[:, :2], axis=1)
+    inner = np.flatnonzero(np.isclose(radius, 0.012))
+    off = replace(mesh, points=mesh.points.copy())
+    off.points[inner, :2] *= np.where(np.arange(inner.size) % 2, 1.004, 0.996)[:, None]
+    for one, wide in ((mesh, False), (off, True)):
+        (place,) = bores(one).values()
+        assert (place.tolerance is not None) == wide
+        assert node_set(one, place, "bore").tolist() == inner.tolist()
+        written = tomllib.loads(starting_body_file(checked(one), Path("lug.inp"), UnitSystem.SI))
+        every = [table["nodes"] for name in ("support", "interface") for table in written[name]]
+        assert any("tolerance" in nodes for nodes in every) == wide
+
+
+def test_a_deck_of_plane_elements_is_refused_by_their_name(tmp_path):
+    (tmp_path / "plane.inp").write_text("*NODE\n1, 0, 0\n2, 1, 0\n3, 1, 1\n*ELEMENT, TYPE=CPS3, ELSET=E\n1, 1, 2, 3\n")
+    assert "outside its steps (found: CPS3)" in " ".join(run("init", tmp_path / "plane.inp").output.split())

@@ -388,6 +388,11 @@ def test_a_load_point_that_hangs_on_a_beam_s_end_by_an_rbe2_is_offered(tmp_path)
     assert mesh.references["RBE2 20"].tolist() == [1.2, 0.0, 0.0]
     assert any("'RBE2 20', with its dependent node as point" in note for note in mesh.notes)
     assert '# SPC 1\nnodes = "SPC 1"' in starting_body_file(mesh, tmp_path / "body.bdf", UnitSystem.SI)
+    # What another case holds of its point alone is no interface.
+    both = mesh.node_sets | {"SPC 2": mesh.node_sets["RBE2 20"][:1]}, mesh.references | {"SPC 2": np.array([1.2, 0, 0])}
+    other = starting_body_file(replace(mesh, node_sets=both[0], references=both[1]), tmp_path / "b.bdf", UnitSystem.SI)
+    assert 'nodes = "RBE2 20"' in other
+    assert 'nodes = "SPC 2"' not in other
     across, turned = moved(mesh, (0.0, 1.0, 0.0), tip="RBE2 20")
     assert across[1] == pytest.approx((1.0 / 3.0 + 0.2 + 0.04) / (E * 2e-6), rel=1e-4)
     assert turned[2] == pytest.approx(0.7 / (E * 2e-6), rel=1e-4)

@@ -26,6 +26,7 @@ from flexfmu.fe.gradients import (
 from flexfmu.fe.nonlinear import load_path
 from flexfmu.files.basics import DeckError, FlexfmuError, MeshError
 from flexfmu.files.outputs import Reporter, tell_nobody
+from flexfmu.mesh import shells
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.mesh.model import Material, Mesh
 from flexfmu.mesh.shells import expanded
@@ -898,3 +899,15 @@ def test_the_middle_of_a_skin_moves_with_the_face_that_it_lies_on():
     moved = solved(replace(mesh, fixed=np.repeat(top[:, None], 3, axis=1)), forces)
     eight = moved[ends[:, :8], 2].mean(axis=0)
     assert moved[ends[:, 8], 2].mean() == pytest.approx(0.5 * eight[4:].sum() - 0.25 * eight[:4].sum(), rel=1e-6)
+
+
+def test_lines_of_held_shells_are_read_once_however_many_there_are(monkeypatch):
+    """Each anew took time with their square: a deck of ten thousand held nodes had no end."""
+    read, share = [], shells._Lines.share
+    monkeypatch.setattr(shells._Lines, "share", property(lambda lines: read.append(1) or share.fget(lines)))
+    counts = []
+    for n in (4, 40):
+        points, cells = grid(n, 2, lambda x, y: (x, y, 0.0))
+        shell(points, cells, 0.01, fixed=np.ones((len(points), 3), dtype=bool))
+        counts.append(len(read))
+    assert counts[1] == 2 * counts[0]

@@ -214,6 +214,7 @@ POINT = COUPLING[: COUPLING.index("*COUPLING")] + "*NSET, NSET=Face\n2, 3, 6, 7\
         ("*KINEMATIC COUPLING, REF NODE=100\nFace, 1, 1\nFace, 2, 3", "are rigid", [2, 3, 6, 7]),
         ("*KINEMATIC COUPLING, REF NODE=100\n2, 1, 1\n3, 2, 3", "rigid in some directions", [2, 3]),
         ("*RIGID BODY, NSET=Face, PIN NSET=Root, REF NODE=100\n*NSET, NSET=Root\n1, 4", "rigid", [1, 2, 3, 4, 6, 7]),
+        ("*RIGID BODY, NSET=Face", "are rigid", [3, 6, 7]),
     ],
 )
 def test_what_a_coupling_says_of_nodes_directions_and_weights_is_honoured_or_told(tmp_path, cards, words, labels):

@@ -107,3 +107,12 @@ def test_turns_of_any_size_are_those_of_their_rotation_vectors(size):
     vectors *= size / np.linalg.norm(vectors, axis=1)[:, None]
     np.testing.assert_allclose(turned_by(vectors), exponential(vectors), rtol=0.0, atol=2e-15)
     np.testing.assert_allclose(rotation_vector(exponential(vectors)), vectors, rtol=0.0, atol=2e-15)
+
+
+@pytest.mark.parametrize("size", [0.3, 30.0, 3e4])
+def test_third_order_of_what_a_spring_reads_grows_with_the_cube_of_motions_far_beyond_its_ends(points, size):
+    """Ends of thin beams go farther than they are wide, where no rotation fits them: builds ended in a traceback."""
+    one, random = Bushings(points, [spring(points, Along.END)]), np.random.default_rng(7)
+    shapes, amplitudes = random.normal(size=(54, 3)), random.normal(size=(3, 4))
+    expected = 1e3 * size**3 * one.third(shapes, 0.1 * amplitudes)
+    np.testing.assert_allclose(one.third(shapes, size * amplitudes), expected, atol=1e-6 * np.abs(expected).max())

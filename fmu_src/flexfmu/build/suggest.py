@@ -11,14 +11,14 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from ..fe.assembly import select
-from ..files.basics import DeckError, FloatArray, IntArray, MeshError, UnitSystem
+from ..files.basics import FloatArray, IntArray, MeshError, SheetError, UnitsError, UnitSystem
 from ..files.toml_files import toml_value
 from ..mesh.checks import connected_parts, is_likely, linked_pieces, nodes_of_elements
 from ..mesh.formats import read_mesh
 from ..mesh.model import NO_MATERIAL, Mesh
 from ..model.summary import point as point_words
 from ..reduction.model import KEYS, missing
-from ..reduction.options import Nodes, Place, node_set
+from ..reduction.options import MISS, Nodes, Place, node_set
 from ..reduction.subdomains import elements_within
 from ..reduction.surface import face_edges, face_normals, surface_nodes
 from .config import C_KEYWORDS, BodyFile
@@ -76,7 +76,8 @@ def _bore(points: FloatArray, faces: IntArray, normal: FloatArray) -> Place | No
     axis, flat = turn[:, 0], at @ turn[:, 1:]
     x, y, radius = _circle(flat)
     arm = flat - [x, y]
-    if np.abs(np.linalg.norm(arm, axis=1) - radius).max() > _ROUND * radius:
+    miss = float(np.abs(np.linalg.norm(arm, axis=1) - radius).max())
+    if miss > _ROUND * radius:
         return None
     angle = np.sort(np.arctan2(arm[:, 1], arm[:, 0]))
     gap = np.diff(np.append(angle, angle[0] + 2.0 * np.pi)).max()
@@ -88,7 +89,9 @@ def _bore(points: FloatArray, faces: IntArray, normal: FloatArray) -> Place | No
     low, high = (at @ axis).min(), (at @ axis).max()
     # Adding zero takes the sign of −0.
     ends = [tuple(((turn[:, 1:] @ [x, y] + axis * along).round(_DIGITS) + 0.0).tolist()) for along in (low, high)]
-    return Place(cylinder=(ends[0], ends[1]), radius=round(radius, _DIGITS))
+    # Nodes within a shell's thickness, or in the middle of straight sides, lie off it.
+    wide = None if miss < 0.5 * MISS * np.ptp(points, axis=0).max() else float(f"{1.1 * miss:.2g}")
+    return Place(cylinder=(ends[0], ends[1]), radius=round(radius, _DIGITS), tolerance=wide)
 
 
 def _axes(points: FloatArray, start: FloatArray) -> FloatArray:
@@ -128,6 +131,8 @@ _JOINED = 0.5
 _SIDE = 3.0
 # Outer radius of an eye over its bore's, at most.
 _EYE = 2.5
+# Thickness of sheets over the longest side, where nothing tells it.
+_SHEET = 0.01
 
 
 def plane_ends(mesh: Mesh) -> dict[str, Place]:
@@ -143,8 +148,7 @@ def plane_ends(mesh: Mesh) -> dict[str, Place]:
         By a name such as ``"x_min"``; those of the longest side first.
     """
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-    side = high - low
-    faces = mesh.faces
+    side, faces = high - low, mesh.faces
     found = []
     for axis, name in enumerate(_AXES):
         for end, value in (("min", low[axis]), ("max", high[axis])):
@@ -254,27 +258,39 @@ def chosen_nodes(mesh: Mesh, config: BodyFile) -> dict[str, IntArray]:
     return {title: node_set(mesh, nodes, title, options.units) for title, nodes in choices}
 
 
-def likely_mesh(path: Path) -> tuple[Mesh, UnitSystem]:
+def likely_mesh(path: Path, units: UnitSystem | None = None) -> tuple[Mesh, UnitSystem, float]:
     """Read a mesh in the units in which it is likely, kg, m and s if in none.
 
     Parameters
     ----------
     path : Path
+    units : UnitSystem, optional
+        Where they are known.
 
     Returns
     -------
     mesh : Mesh
     units : UnitSystem
+    thickness : float
+        That its sheets got, in its units, as the file does not tell; 0 where it does.
     """
-    for system in UnitSystem:
-        with contextlib.suppress(DeckError):  # densities beyond all meaning
-            mesh = read_mesh(path, system)
-            if is_likely(mesh):
-                return mesh, system
-    return read_mesh(path), UnitSystem.SI
+    for system in UnitSystem if units is None else ():
+        with contextlib.suppress(UnitsError):
+            found = _with_sheets(path, system)
+            if is_likely(found[0]):
+                return found
+    return _with_sheets(path, units or UnitSystem.SI)
 
 
-def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
+def _with_sheets(path: Path, units: UnitSystem) -> tuple[Mesh, UnitSystem, float]:
+    try:
+        return read_mesh(path, units), units, 0.0
+    except SheetError as error:
+        thickness = float(f"{_SHEET * error.size:.1g}")
+        return read_mesh(path, units, {"": thickness}), units, thickness
+
+
+def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem, thickness: float = 0.0) -> str:
     """Body file to begin with: what the mesh names, its bores, or its plane ends, as support and interfaces.
 
     Parameters
@@ -284,6 +300,8 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
     file : Path
         Of the mesh, as the body file is to name it.
     units : UnitSystem
+    thickness : float
+        Of shells, where the mesh file does not tell.
 
     Returns
     -------
@@ -308,12 +326,14 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem) -> str:
     mesh = _in_units(mesh, units)
     held, places = _named_ends(mesh) or _ends_and_bores(mesh) or _round_ends(mesh)
     # No set without nodes, nor one of whole elements, nor what is held.
-    spoken = [n for n in mesh.references if len(own := mesh.node_sets[n]) and not elements_within(mesh, own).size]
+    sets = {name: mesh.node_sets[name] for name in mesh.references if not name.startswith(_HELD)}
+    spoken = [name for name, own in sets.items() if len(own) and not elements_within(mesh, own).size]
     named = [(_name(n), toml_value(n)) for n in spoken if toml_value(n) not in dict(held).values()]
     interfaces = named or places or _round_ends(mesh)[1]
     lines = [f'name = "{_name(file.stem)}"', "", "[mesh]", f'file = "{file.as_posix()}"']
     others = ", ".join(one.value for one in UnitSystem if one is not units)
     lines.append(f'units = "{units.value}"   # of the mesh; or: {others}')
+    lines += ["", "[[shell]]   # the mesh file does not tell", f"thickness = {thickness:g}"] if thickness else []
     bare = any((block.material == NO_MATERIAL).any() for block in mesh.blocks)
     lacking = [key for key in KEYS if bare or any(key in missing(material) for material in mesh.materials)]
     if lacking:
@@ -401,5 +421,5 @@ def _in_units(mesh: Mesh, units: UnitSystem) -> Mesh:
 
 
 def _toml(place: Place) -> str:
-    keys = ("plane", "normal") if place.cylinder is None else ("cylinder", "radius")
-    return toml_value({key: getattr(place, key) for key in keys})
+    keys = ("plane", "normal") if place.cylinder is None else ("cylinder", "radius", "tolerance")
+    return toml_value({key: value for key in keys if (value := getattr(place, key)) is not None})

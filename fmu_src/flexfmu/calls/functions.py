@@ -144,19 +144,14 @@ def init(mesh: Name, output: Name | None = None, units: str = "") -> Path:
     """
     from ..build.suggest import likely_mesh, starting_body_file
     from ..mesh.checks import checked
-    from ..mesh.formats import read_mesh
 
     mesh = Path(mesh)
     target = Path(output) if output else mesh.with_suffix(".toml")
     if target.exists():
         raise OutputError(f"{target} is there already: name another with --output")
-    if units:
-        system = unit_system(units)
-        found = read_mesh(mesh, system)
-    else:
-        found, system = likely_mesh(mesh)
+    found, system, thickness = likely_mesh(mesh, unit_system(units) if units else None)
     named = Path(mesh.name) if target.parent.resolve() == mesh.parent.resolve() else mesh.resolve()
-    target.write_text(starting_body_file(checked(found), named, system), encoding="utf-8")
+    target.write_text(starting_body_file(checked(found), named, system, thickness), encoding="utf-8")
     return target
 
 

@@ -116,8 +116,7 @@ def unknowns(fixed: BoolArray, equations: sp.csr_array, mixed: tuple[IntArray, F
     dependent, matrix = solved(sp.csr_array(equations @ sp.diags_array((~held).astype(float))))
     known = held.copy()
     known[dependent] = True
-    free = np.flatnonzero(~known)
-    itself = np.zeros(held.size)
+    free, itself = np.flatnonzero(~known), np.zeros(held.size)
     itself[free] = 1.0
     place = dependent, np.arange(dependent.size)
     spread = sp.csr_array((np.ones(dependent.size), place), (held.size, dependent.size))

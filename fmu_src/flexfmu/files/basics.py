@@ -79,6 +79,25 @@ class DeckError(MeshError):
         self.line = line
 
 
+class UnitsError(DeckError):
+    """A number of a deck means nothing in the units declared, and may in others."""
+
+
+class SheetError(MeshError):
+    """A mesh file holds sheets without thickness, and nothing else.
+
+    Parameters
+    ----------
+    message : str
+    size : float
+        The longest side, in the file's units.
+    """
+
+    def __init__(self, message: str, size: float):
+        super().__init__(message)
+        self.size = size
+
+
 class ModelError(FlexfmuError):
     """The finite element model is not a body that can be reduced: free to move, or without stiffness or mass."""
 

@@ -135,8 +135,7 @@ def validated(model: type[File], data: Any, kind: type[FlexfmuError], document: 
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        place = "" if path is None else f"{path}:\n  "
-        raise kind(place + explain(error, model, data, document)) from error
+        raise kind(("" if path is None else f"{path}:\n  ") + explain(error, model, data, document)) from error
 
 
 def explain(error: ValidationError, model: type[BaseModel], data: Any, document: str) -> str:

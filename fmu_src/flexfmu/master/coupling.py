@@ -253,8 +253,7 @@ def _march(
 
     def result() -> Result:
         names = (*(variable.name for variable in wiring.recorded), ITERATIONS, CREATED_ENERGY)
-        units = (*(variable.unit for variable in wiring.recorded), None, "J")
-        return Result(names, units, loop.times, loop.rows)
+        return Result(names, (*(variable.unit for variable in wiring.recorded), None, "J"), loop.times, loop.rows)
 
     loop.ask("begin")
     done, count = loop.outcome, 1

@@ -173,8 +173,7 @@ class ForeignSlave:
         hearing = self._hearing()
         next(hearing)
         self._hear = _HEAR(hearing.send)
-        hear = ctypes.cast(self._hear, ctypes.c_void_p).value
-        self._channel = channel(self._memory, self.worker.ends, hear=hear)
+        self._channel = channel(self._memory, self.worker.ends, hear=ctypes.cast(self._hear, ctypes.c_void_p).value)
         _joined.add(self)
         library().channel_join(ctypes.byref(self._channel), ctypes.byref(participant))
         self.worker.send((SERVE, (library()._name,), {}))

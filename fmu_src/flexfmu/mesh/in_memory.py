@@ -9,7 +9,7 @@ import meshio
 import numpy as np
 from meshio._mesh import topological_dimension
 
-from flexfmu.files.basics import FloatArray, IntArray, MeshError, UnitSystem, listed
+from flexfmu.files.basics import FloatArray, IntArray, MeshError, SheetError, UnitSystem, listed
 from flexfmu.mesh.beams import Beam, with_beams
 from flexfmu.mesh.elements import ASSUMED, ElementBlock, ElementType
 from flexfmu.mesh.equations import MIDDLE, RigidLink, matrix_of, middles
@@ -221,8 +221,7 @@ def _in_known_kinds(contents: Contents) -> Contents:
     if count["pyramid13"]:
         notes.append(f"{count['pyramid13']} quadratic pyramids are taken as two tetrahedra each")
     copies = [2 if block.type in _PYRAMIDS else 1 for block in found.cells]
-    bases = [np.zeros((0, 8), dtype=np.int64)]
-    first = len(found.points)
+    bases, first = [np.zeros((0, 8), dtype=np.int64)], len(found.points)
     for place, block in enumerate(found.cells):
         if block.type in _PYRAMIDS:
             data = np.asarray(block.data, dtype=np.int64)
@@ -387,11 +386,14 @@ def _volume_blocks(found: Any, title: str, shells: bool) -> list[int]:
         fault = f"{title} holds cells of the kind {', '.join(refused)}, supported are {supported}"
         raise MeshError(f"{fault}; mesh the body with these kinds alone")
     if not places and not shells:
-        kinds = ", ".join(sorted({block.type for block in found.cells})) or "none"
-        raise MeshError(
-            f"{title} holds no volume cells (found: {kinds}), expected {supported}; export the volume mesh too. "
+        kinds = {block.type for block in found.cells}
+        held = ", ".join(sorted(kinds)) or "none"
+        fault = (
+            f"{title} holds no volume cells (found: {held}), expected {supported}; export the volume mesh too. "
             "Triangles and quads are shells where [[shell]] tables of the body file give their thickness"
         )
+        sheets = bool(kinds & SHELLS.keys())
+        raise SheetError(fault, float(np.ptp(found.points, axis=0).max())) if sheets else MeshError(fault)
     for block in found.cells:
         if len(block.data) and not 0 <= np.min(block.data) <= np.max(block.data) < len(found.points):
             raise MeshError(f"{title} holds {block.type} cells of points that it does not define; export it again")

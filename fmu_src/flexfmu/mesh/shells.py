@@ -266,8 +266,7 @@ def _lines(mesh: Mesh, height: FloatArray, first: int) -> tuple[_Lines, tuple[El
     normals = np.concatenate([_corner_normals(mesh.points, block) for block, _ in shells])
     every = np.broadcast_to(height if height.ndim == 3 else height[:, None], (len(height), MOST_NODES, 2))
     parts = [every[at : at + len(b.labels), : b.connectivity.shape[1]].reshape(-1, 2) for b, at in shells]
-    heights = np.concatenate(parts)
-    order = np.argsort(nodes, kind="stable")
+    heights, order = np.concatenate(parts), np.argsort(nodes, kind="stable")
     line, along = np.zeros(nodes.size, dtype=np.int64), np.ones(nodes.size, dtype=bool)
     node: list[int] = []
     direction, faces = [], []
@@ -325,10 +324,10 @@ def _supports(mesh: Mesh, turning: BoolArray, lines: _Lines, row: IntArray, coun
     """
     fixed, rows = np.zeros((count, 3), dtype=bool), []
     fixed[row[row >= 0]] = mesh.fixed[row >= 0]
-    held = mesh.fixed & (row < 0)[:, None]
-    previous = -1
-    for place in np.flatnonzero((held | turning)[lines.node].any(axis=1)).tolist():
-        node, ends, share = int(lines.node[place]), lines.ends[place].tolist(), lines.share[place].tolist()
+    held, previous = mesh.fixed & (row < 0)[:, None], -1
+    places = np.flatnonzero((held | turning)[lines.node].any(axis=1))
+    for place, share in zip(places.tolist(), lines.share[places].tolist(), strict=True):
+        node, ends = int(lines.node[place]), lines.ends[place].tolist()
         moves = [np.cross(unit, lines.normal[place]) for unit in np.eye(3)[~turning[node]]]
         # Orthonormal directions at right angles to all of these.
         _, sizes, sides = np.linalg.svd(np.array([*moves, lines.normal[place]]))

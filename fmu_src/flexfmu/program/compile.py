@@ -40,8 +40,7 @@ def in_load_order(by_load: FloatArray, interfaces: int) -> FloatArray:
 
 def unit_load_tangents(draft: Draft, body: ReducedBody) -> FloatArray:
     """What each unit load adds to the tangent stiffness of the undeformed body, (L, m, m)."""
-    core = Core(draft.image())
-    still = np.zeros(body.mode_count)
+    core, still = Core(draft.image()), np.zeros(body.mode_count)
     loads = np.eye(draft.sizes["loads"])
     return np.array([core.tangent(load, still) for load in loads]) - np.diag(body.angular_frequency**2)
 

@@ -109,9 +109,8 @@ def modal_basis(table: BasisOptions, matrices: Matrices, loads: FloatArray, resi
     model, numbers = matrices.model, table.numbers
     if table.exact:
         return _numbered_basis(table, numbers, matrices, loads, residual)
-    held = loads.shape[1] if table.kind is Basis.CRAIG_BAMPTON else 0
     # The iteration needs two unknowns more than it finds modes.
-    most = model.free.size - model.rigid.shape[1] - held - 2
+    most = model.free.size - model.rigid.shape[1] - (loads.shape[1] if table.kind is Basis.CRAIG_BAMPTON else 0) - 2
     numbers = numbers[: max(most, 1)]
     modes, key = _numbered_basis(table, numbers, matrices, loads, residual)
     if modes.splits_pair and len(numbers) < most:

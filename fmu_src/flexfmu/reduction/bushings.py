@@ -63,8 +63,7 @@ class End:
             return found
         lie = self.spread + z[..., 3:].reshape(*z.shape[:-1], 3, 3).swapaxes(-1, -2)
         for _ in range(_ROUNDS):
-            seen = found.swapaxes(-1, -2) @ lie
-            step = np.einsum("ijk,...kj->...i", PERMUTATION, seen) @ self._ease
+            step = np.einsum("ijk,...kj->...i", PERMUTATION, found.swapaxes(-1, -2) @ lie) @ self._ease
             found = found @ turned_by(step)
             if np.abs(step.real).max(initial=0.0) < 1e-14 and np.abs(step.imag).max(initial=0.0) < 1e-14 * _TINY:
                 break
@@ -223,8 +222,12 @@ class Bushings:
         """Readings (k, 6b) like those of `rows` at third order, by shapes (3n, m) and amplitudes (m, k)."""
         found = [np.zeros((amplitudes.shape[1], 0))]
         for one in self.readings:
-            z = np.multiply.outer(_AROUND, ((one.rows @ shapes[one.columns]) @ amplitudes).T)
-            found.append(np.sqrt(one.spring.stiffness) * np.einsum("p,pkr->kr", _AROUND**-3 / 16.0, one.values(z)).real)
+            z = ((one.rows @ shapes[one.columns]) @ amplitudes).T
+            # No rotation fits a small end whose nodes go farther than it is wide.
+            near = min((end.size for end in one.ends if end.rank), default=np.inf)
+            wide = np.maximum(np.abs(z).max(axis=1, keepdims=True) / near, 1.0)
+            cubic = np.einsum("p,pkr->kr", _AROUND**-3 / 16.0, one.values(np.multiply.outer(_AROUND, z / wide))).real
+            found.append(np.sqrt(one.spring.stiffness) * wide**3 * cubic)
         return np.hstack(found)
 
 

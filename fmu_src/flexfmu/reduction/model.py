@@ -374,8 +374,7 @@ def _motions_of_joined(mesh: Mesh, equations: sp.csr_array, nodes: IntArray, hel
     # The triangle alone: there may be far more rows than motions.
     _, values, turn = np.linalg.svd(np.linalg.qr(np.vstack([resisted, np.zeros(2 * own.shape[1:])]), mode="r"))
     # Equations that resist nothing within a single piece are round-off of their terms.
-    size = max(float(values.max()), float(np.abs(equations.data).max(initial=0.0)))
-    found = own @ turn[values <= _FREE * size].T
+    found = own @ turn[values <= _FREE * max(float(values.max()), float(np.abs(equations.data).max(initial=0.0)))].T
     found[held.ravel()] = 0.0
     # Of a lone node six motions are three.
     _, moved, mixed = np.linalg.svd(np.linalg.qr(found, mode="r"))

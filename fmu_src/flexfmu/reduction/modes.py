@@ -354,8 +354,7 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
         raise AccuracyError(f"{found}; {advice}") from error
     softest = np.abs(modes[:, 0])
     # Its indices are no copies.
-    sizes = sp.csr_array((np.abs(k.data), k.indices, k.indptr), shape=k.shape)
-    size = float(softest @ (sizes @ softest))
+    size = float(softest @ (sp.csr_array((np.abs(k.data), k.indices, k.indptr), shape=k.shape) @ softest))
     if squares[0] <= _ROUND_OFF * size:
         raise ModelError(f"the lowest eigenvalue is {squares[0]:.3e} 1/s²: a part of the body is free to move{_TWISTS}")
     if squares[0] <= _DOUBTFUL * size:

@@ -304,7 +304,7 @@ PLACED = "nodes of "
 """How names of sets begin that stand for places of a body file."""
 _Chooser = TypeVar("_Chooser", SupportNodes, InterfaceNodes, FrameNodes)
 # Share of the body's longest side by which nodes may miss a plane or a cylinder without a tolerance.
-_MISS = 1e-4
+MISS = 1e-4
 
 
 def node_set(mesh: Mesh, nodes: Nodes, key: str, units: UnitSystem = UnitSystem.SI) -> IntArray:
@@ -406,7 +406,7 @@ def _at(mesh: Mesh, place: Place, key: str) -> BoolArray:
     """Which nodes meet all of a place's conditions."""
     points = mesh.points
     size = float(np.ptp(points, axis=0).max())
-    miss = _MISS * size if place.tolerance is None else place.tolerance
+    miss = MISS * size if place.tolerance is None else place.tolerance
     chosen = np.ones(len(points), dtype=bool)
     if place.set is not None:
         chosen &= np.isin(np.arange(len(points)), named_set(mesh.node_sets, "node", place.set, key))

@@ -76,8 +76,11 @@ def resolved(cards: Sequence[Card], deck: Deck, surfaces: Mapping[str, DeckSurfa
     for place, (card, holding) in enumerate(pairs, start=1):
         # Its reference is the node of an element DCOUP3D.
         by_element = card.key == "DISTRIBUTINGCOUPLING"
-        entry = card.required("ELSET" if by_element else "REFNODE")
-        rows = deck.elements.nodes_of(deck.members(card)) if by_element else _found(entry, card, deck)
+        entry = card.parameters.get("ELSET" if by_element else "REFNODE", "")
+        # A rigid body without one moves as any of its nodes.
+        lone = _nodes(card, deck, surfaces)[:1].tolist() if card.key == "RIGIDBODY" and not entry else ()
+        own = deck.elements.nodes_of(deck.members(card)) if by_element else set(lone)
+        rows = own or _found(card.required("REFNODE"), card, deck)
         if len(rows) != 1:
             raise card.line.error(f"{entry} names {len(rows)} reference nodes, expected one")
         (reference,) = rows

@@ -65,7 +65,8 @@ def read_deck(path: Path, units: UnitSystem) -> Mesh:
         elements = content.elements.resolved(content.nodes)
     if not content.nodes.rows or not elements.blocks:
         missing = "elements (*ELEMENT of solids)" if content.nodes.rows else "nodes (*NODE)"
-        raise MeshError(f"{path} defines no {missing} outside its steps; give a deck that holds the body's mesh")
+        found = f" (found: {listed(sorted({one.name for one in elements.others}))})" if elements.others else ""
+        raise MeshError(f"{path} defines no {missing} outside its steps{found}; give a deck that holds the body's mesh")
     _refuse_early_end(content, elements)
     content.beams = bool(beams)
     content.reach = max((abs(side) for one in heights.values() for side in one[:2]), default=0.0)

@@ -302,8 +302,7 @@ def _along(places: FloatArray, line: Line, kind: str) -> list[float]:
     if length == 0.0:
         raise line.error(f"the ends of MPC {kind} are in one place; give two nodes apart from each other")
     at = (places - places[1]) @ axis / length**2
-    others = at[1:]
-    weights = []
+    others, weights = at[1:], []
     for k, own in enumerate(others):
         rest = np.delete(others, k)
         if np.min(np.abs(own - rest)) == 0.0:

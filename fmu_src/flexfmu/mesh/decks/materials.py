@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfmu.files.basics import FloatArray, IntArray, UnitSystem, listed
+from flexfmu.files.basics import FloatArray, IntArray, UnitsError, UnitSystem, listed
 from flexfmu.mesh.checks import is_likely_density
 from flexfmu.mesh.decks.cards import Card, Line, Scope, fields, number
 from flexfmu.mesh.decks.orientation import Orientation, orientation
@@ -214,10 +214,12 @@ class DeckMaterials:
                 for other in UnitSystem
                 if is_likely_density(value * other.density)
             ]
-            raise line.error(
+            raise UnitsError(
                 f"density {value:g} means {density:g} kg/m³ in the declared units {self.units.value}, "
                 f"expected {DENSITY_RANGE[0]:g} to {DENSITY_RANGE[1]:g}"
-                + ("".join(likely) or "; correct the density or the units given for this file")
+                + ("".join(likely) or "; correct the density or the units given for this file"),
+                line.file,
+                line.number,
             )
         self._tell(card, density=density)
 
@@ -299,8 +301,7 @@ class DeckMaterials:
         labels = np.concatenate([block.labels for block in blocks])
         centres = np.concatenate([points[block.connectivity].mean(axis=1) for block in blocks])
         rows = np.full(len(labels), NO_MATERIAL, dtype=np.int64)
-        axes = np.tile(np.eye(3), (len(labels), 1, 1))
-        directed = False
+        axes, directed = np.tile(np.eye(3), (len(labels), 1, 1)), False
         for section in self.sections:
             found = element_sets.find(section.element_set, section.line, section.scope)
             members = np.array(sorted(one for one in found if one < len(labels)), dtype=np.int64)

@@ -83,8 +83,7 @@ def directions(model: Any, place: dict[int, FloatArray], path: Path) -> dict[int
             continue
         first, second, third = (place[node] for node in element.nodes[:3])
         last = third if "TRIA" in element.type else place[element.nodes[3]]
-        sides = (third - first, last - second) if last is not third else (second - first, third - first)
-        normal = np.cross(*sides)
+        normal = np.cross(*((third - first, last - second) if last is not third else (second - first, third - first)))
         normal /= np.linalg.norm(normal)
         if own.type == "PSHEAR":
             _refuse_skew([place[node] for node in element.nodes], f"{path}: {element.type} {element.eid}")

@@ -124,8 +124,7 @@ def _contents(archive: Any, text: list[str], path: Path, units: UnitSystem) -> C
     passed: dict[int, int] = {}
     for number, element in zip(np.asarray(archive.enum).tolist(), archive.elem, strict=True):
         values = np.asarray(element).tolist()
-        kind = kind_of_type.get(values[1], 0)
-        nodes = values[_ATTRIBUTES:]
+        kind, nodes = kind_of_type.get(values[1], 0), values[_ATTRIBUTES:]
         # Of shells and beams: that bend, and whose warping is no unknown.
         plain = all(value == 0 for key, value, *_ in archive.key_option.get(values[1], []) if key == 1)
         if kind in _PASSED:

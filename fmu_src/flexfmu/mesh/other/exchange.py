@@ -266,8 +266,7 @@ def _contents(variables: Mapping[str, Any], path: Path) -> Contents:
 
 def _side_nodes(cells: list[tuple[str, IntArray]], elements: IntArray, sides: IntArray) -> IntArray:
     """Nodes of sides of solids, mid-side nodes too; sides of other elements are all of their nodes."""
-    found = []
-    start = 0
+    found, start = [], 0
     for kind, rows in cells:
         inside = (elements >= start) & (elements < start + len(rows))
         for side in np.unique(sides[inside]).tolist():

@@ -82,8 +82,7 @@ def node_sets_of(found: Any, groups: Mapping[str, Group]) -> tuple[dict[str, Int
     for key, values in found.point_data.items():
         if not key.startswith(GMSH_PREFIX) and key != MED_POINTS:
             node_sets |= {name: rows for name, rows in _by_value(key, values) if name not in node_sets}
-    taken = set(node_sets)
-    notes = []
+    taken, notes = set(node_sets), []
     for name, group in groups.items():
         if name in taken:
             notes.append(f"the nodes of cell set '{name}' are left unused: a point set has its name")
