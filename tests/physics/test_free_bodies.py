@@ -8,6 +8,7 @@ from scipy.linalg import null_space
 from scipy.special import ellipk
 
 from bodies import body_of_everything
+from flexfmu.api import Body
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
 from flexfmu.body.loads import Loads
 from flexfmu.build.reduce import reduce_body
@@ -19,7 +20,7 @@ from flexfmu.mesh.model import Material
 from flexfmu.model.methods import Mass, Method
 from flexfmu.reduction.options import Basis
 from flexfmu.reduction.subdomains import hinge_frame
-from meshes import STEEL, body_file, box
+from meshes import STEEL, arc, body_file, box
 from references import BEAM, relative
 from turns import exponential
 
@@ -193,6 +194,24 @@ def test_a_free_body_keeps_its_energy_under_a_dead_force(floating):
         work = np.vdot([0.0, 200.0, 100.0], body.response(state).displacement[1] - start[1])
         assert sum(body.energies(state)) == pytest.approx(work, rel=1e-9, abs=1e-12)
     assert np.linalg.norm(body.response(state).rotation[1]) > 1.0
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e-8])
+def test_a_light_push_at_the_origin_throws_a_free_body_in_proportion(size):
+    """What round-off of places makes of its work was taken for zero there, and steps never settled."""
+    mesh = arc(ElementType.C3D20, (12, 1, 1), 0.3, 0.02)
+    mesh = replace(mesh, points=mesh.points - np.array([0.3, 0.0, 0.0]))
+    body = Body(mesh, free=True, interfaces={"here": "ROOT", "far": "TIP"}, name="thrown").build(surface=False)
+    assert np.linalg.norm(body.model.interface_point[0]) < 1e-12
+    found = []
+    for share in (1.0, 1e4 * size):
+        state = body.rest()
+        for step in range(20):
+            state = body.step(state, {"here": np.array([10.0, -5.0, 8.0]) * share * 1e-4 * step / 20}, 2e-4)
+        found.append(body.response(state).displacement / share)
+    assert np.linalg.norm(found[0][0]) > 1e-9
+    # Round-off of the places, over the push.
+    np.testing.assert_allclose(found[1], found[0], atol=1e-4 * np.linalg.norm(found[0]) + 3e-16 / (1e4 * size))
 
 
 @pytest.mark.slow

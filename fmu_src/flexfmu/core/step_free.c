@@ -126,8 +126,8 @@ static double loads_between(Free *x, double stretch, double *reach) {
     const Loads *loads = &s->loads;
     const End *start = x->start, *end = x->end;
     double work = 0.0, lever[3], about[3], centre[3], everything[3];
-    *reach = 0.0;
     spread_turned(s->body, x->inputs, x->mean, x->inverse, &x->room);
+    *reach = work_reach(s->body, loads->force, p->nodes);
     sum_loads(p, loads->force, x->total);
     sum_loads(p, loads->moment, x->moment);
     for (int64_t k = 0; k < p->nodes; k++) {
@@ -137,7 +137,6 @@ static double loads_between(Free *x, double stretch, double *reach) {
             lever[i] = 0.5 * (from + to - start->mass.centre[i] - end->mass.centre[i]) - p->point[i];
             work += force[i] * (to - from);
         }
-        *reach += norm(force, 3) * norm(p->point + 3 * k, 3);
         cross(lever, force, about);
         for (int i = 0; i < 3; i++) x->moment[i] += stretch * about[i];
     }
