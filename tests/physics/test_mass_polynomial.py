@@ -19,7 +19,7 @@ from flexfmu.mesh.elements import ElementType
 from flexfmu.mesh.model import Material
 from flexfmu.model.methods import Mass, Method
 from flexfmu.model.modal_file import read_modal_file, write_modal_file
-from flexfmu.program import mass_polynomial, mechanics
+from flexfmu.program import mass_polynomial
 from meshes import body_file, box
 from references import BEAM, L_FRAME, calculix, displacement, relative
 from scene_tools import Listening
@@ -52,8 +52,6 @@ def of(model, mass, limits=None):
 def test_it_is_the_mass_of_lumps_on_eight_frames_to_second_order_whatever_the_body_s_own_frames(built, monkeypatch):
     """Of the size of the displacement the error is of third order; forms of low rank are left out for its own sake."""
     monkeypatch.setattr(mass_polynomial, "_SMALL", 1e-12)
-    # Lumps know of more coordinates, the polynomial of six.
-    monkeypatch.setattr(mechanics, "_SLOW_LUMPED", 6)
     fine, coarse = built(L_FRAME, 8), built.__wrapped__(L_FRAME, 1)
     slow, rng = 6, np.random.default_rng(2)
     way = np.where(np.arange(fine.mode_count) < slow, rng.standard_normal(fine.mode_count), 0.0)

@@ -54,8 +54,8 @@ _FIRST_ORDER = 40
 _TREES = (Kinematics.COROTATED, Kinematics.SECOND_ORDER)
 _WRONG_AT_FIRST_ORDER = (Kinematics.LINEAR, Kinematics.LITERAL)
 # Frequency over that of the softest mode up to which the deformed body's mass counts, and how many elastic modes are at
-# least, of polynomial and lumps: stiffer ones move too little, and cost shorter steps (section 9).
-_SLOW, _SLOW_MODES, _SLOW_LUMPED = 20.0, 6, 8
+# least: stiffer ones move too little, and cost shorter steps (section 9).
+_SLOW, _SLOW_MODES = 20.0, 6
 # Smallest over largest eigenvalue of the inverse inertia below which an axis is held.
 _HELD = 1e-9
 # Motion of the root frame by elastic modes, over that by rigid ones, that is round-off.
@@ -87,7 +87,7 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
     _put_mixed(draft, body)
     _put_watched(draft, body, recipe, tree)
     if tree.curvature is not None:
-        draft.arrays |= bends(tree, 0 if lumped is None else inertial_modes(body, True))
+        draft.arrays |= bends(tree, 0 if lumped is None else inertial_modes(body))
         draft.sizes |= {"curved": 1, "bending": len(draft.arrays["extent"])}
     if recipe.kinematics is Kinematics.SECOND_ORDER and tree.frames and body.membrane is not None:
         draft.arrays |= stretches(body.membrane, draft.arrays)
@@ -199,7 +199,7 @@ def _put_inertia(
     draft: Draft, body: ReducedBody, recipe: Recipe, mass: Mass, tree: Tree, lumped: LumpedMass | None
 ) -> None:
     """Mass of the deformed body, or what constant mass leaves out of it."""
-    kept, polynomial = inertial_modes(body, lumped is not None), body.polynomial
+    kept, polynomial = inertial_modes(body), body.polynomial
     if lumped is not None:
         draft.sizes |= {"inertial": 1, "inertial_modes": kept, "lumped": 1}
         draft.arrays |= {
@@ -285,11 +285,11 @@ def _lumped(body: ReducedBody, mass: Mass) -> LumpedMass | None:
     return body.inertia if body.inertia.mass.size else None
 
 
-def inertial_modes(body: ReducedBody, lumped: bool = False) -> int:
+def inertial_modes(body: ReducedBody) -> int:
     """How many of the first coordinates the mass of the deformed body knows of."""
     omega, rigid = body.angular_frequency, body.rigid_count
     slow = int(np.searchsorted(omega, _SLOW * omega[rigid], side="right"))
-    return min(max(slow, rigid + (_SLOW_LUMPED if lumped else _SLOW_MODES)), body.mode_count)
+    return min(max(slow, rigid + _SLOW_MODES), body.mode_count)
 
 
 def _put_spin(draft: Draft, body: ReducedBody) -> None:
