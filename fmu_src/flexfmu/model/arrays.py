@@ -80,7 +80,7 @@ _KINDS: dict[str, type] = {"float": float, "int": int, "str": str}
 ARRAYS = _table()
 """By what they are of: an attribute of `ReducedBody`, "body" or "stress"."""
 # With 17 bits of a shadow rounding makes it asymmetric, which grows into a direction that nothing else finds.
-SECOND_BITS = 32, 20
+SECOND_BITS = 33, 20
 """Bits of what is of second order in a body, and in a shadow: estimates of 1e-5 differ by less than 1e-3 of them."""
 
 
