@@ -65,7 +65,7 @@ def test_modes_have_the_measured_ratios_linear_between_them_and_constant_beyond(
         {
             "name": "bar",
             "interface": [{"name": "tip", "nodes": "TIP"}],
-            "damping": {"measured": [[10, 0.01], [30, 0.03]]},
+            "damping": {"measured": [[0, 0.01], [10, 0.01], [30, 0.03]]},
         }
     )
     omega = 2.0 * np.pi * np.array([0.0, 5.0, 10.0, 20.0, 99.0])
@@ -73,6 +73,7 @@ def test_modes_have_the_measured_ratios_linear_between_them_and_constant_beyond(
     for wrong in (
         {"measured": [[10, 2.0]]},
         {"measured": [[10, 0.1], [9, 0.1]]},
+        {"measured": [[-1, 0.1], [9, 0.1]]},
         {"measured": [[9, 0.1]], "ratio": 0.1},
     ):
         with pytest.raises(BodyFileError, match="expected"):

@@ -368,9 +368,9 @@ class DampingTable(Table):
         frequencies, ratios = [one[0] for one in self.measured], [one[1] for one in self.measured]
         if self.measured and self.ratio != 0.0:
             raise ValueError("gives ratio and measured, expected one of the two")
-        if any(b <= a for a, b in pairwise([0.0, *frequencies])) or any(not 0.0 <= one <= 1.0 for one in ratios):
-            expected = "[frequency in Hz, ratio 0 to 1], frequencies ascending"
-            raise ValueError(f"measured is {self.measured}, expected {expected}")
+        ascend = all(0.0 <= a < b for a, b in pairwise([*frequencies, float("inf")]))
+        if not ascend or any(not 0.0 <= one <= 1.0 for one in ratios):
+            raise ValueError(f"measured is {self.measured}, expected [Hz from 0, ratio 0 to 1], frequencies ascending")
         return self
 
 
