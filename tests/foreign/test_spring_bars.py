@@ -3,6 +3,7 @@
 import csv
 import re
 import warnings
+from contextlib import nullcontext
 from functools import partial
 
 import numpy as np
@@ -62,7 +63,10 @@ def test_bars_on_springs_deflect_as_in_calculix_little_and_far(name, tmp_path, c
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SPRINGS)
 def test_bodies_with_springs_bend_far_by_the_default_method_as_in_calculix(name, tmp_path, calculix):
-    body = body_of(tmp_path, name).build(surface=False)
+    # Loads by which a build tells its error are five times as large: under those, lines to the ground put the body off.
+    lines = name in ("line to the ground", "node of equations")
+    with pytest.warns(UserWarning, match="springs along a line") if lines else nullcontext():
+        body = body_of(tmp_path, name).build(surface=False)
     found = body.response(body.static({"tip": LARGE * FORCE})).displacement[0]
     expected = calculix[name, "large"]
     straight = LARGE * calculix[name, "linear"]
