@@ -754,6 +754,18 @@ def test_on_springs_a_bound_counts_the_order_after_the_second():
     assert told.bound > 1.3 * told.relative + 4.0 * model.core.strain(state.q) ** 2 + 6e-4
 
 
+def test_on_springs_a_bar_that_is_pulled_has_the_bound_of_its_strain():
+    """4 e²: it is off by 2 e², and strain is larger than its mean."""
+    support = Support("ROOT", stiffness=[1e14] * 3)
+    mesh = box(ElementType.C3D20, (8, 1, 1), (0.4, 0.02, 0.02))
+    model = Body(mesh, supports=[support], interfaces={"tip": "TIP"}).build(surface=False, modes=4)
+    loads = {"tip": (2e6, 0.0, 0.0)}
+    state = model.static(loads)
+    strain = model.core.strain(state.q)
+    assert strain > 0.02
+    assert model.error(state, loads).bound == pytest.approx(4.0 * strain**2, rel=0.02)
+
+
 def test_without_a_limit_nothing_is_written_and_steps_are_the_same(one_frame, tmp_path):
     ends = []
     for limit in (0.0, 1e-6):
