@@ -221,6 +221,7 @@ static int newton_step(Body *shadow, Room *room, const double *inputs, double *b
     const Program *p = shadow->p;
     const int64_t m = p->modes, first = p->rigid, e = m - first;
     Slice *slice = shadow->slice;
+    room->tangents.stretch.third = done_otherwise(slice, room, EASED) && !shadow->opened->keeps_shapes;
     forces_of(shadow, room, inputs, blocks);
     if (over(slice)) return 1;
     int64_t began = eased ? enter_block(slice, blocks + EASING) : -1;

@@ -51,6 +51,7 @@ void take_stretch(const Body *body, Arena *arena, Stretch *at) {
     at->sum = take(arena, size);
     at->push = take(arena, p->stretches);
     at->square = at->row = 0;
+    at->third = 0;
 }
 
 void take_stretch_stiffness(const Body *body, Arena *arena, Stretch *at) {
@@ -333,7 +334,7 @@ static void add_stiffness(const Body *body, const Stretch *at, int steep, double
             int stiff = 0;
             for (int64_t r = 0; r < count; r++) {
                 const double *linear = p->stretch_linear + (group + r) * m, *slope = slopes + r * k;
-                four[r] = 4.0 * p->stretch_stiff[group + r];
+                four[r] = 4.0 * (at->third && steep ? p->stretch_sign : p->stretch_stiff)[group + r];
                 if (four[r] == 0.0) continue;
                 whole[r] = sign * four[r] * at->whole[group + r];
                 stiff = 1;

@@ -13,6 +13,7 @@ typedef struct Stretch {
     /* Another one whose slopes these are, or null; and whether q has moved since, which enters to first order. */
     const struct Stretch *base;
     int moved;
+    int third; /* whether what places miss at third order has stiffness, too */
     /* Of steps alone: */
     double *place, *found; /* (m), (2, R): that q, bent and whole there */
     double *turn;          /* what a way does to the slopes in the sum of a force: S_r by its sigma_r, summed, packed */

@@ -44,8 +44,8 @@ _OF_ROUND_OFF = 30.0
 _DEPENDENT = 1e-10
 # Spread of a mode's vibrations that is more than round-off.
 _MIXED = 1e-6
-# After the small eigenproblem.
-_ORTHONORMALISATIONS = 2
+# Squared frequencies over the largest whose modes its round-off turns into each other.
+_SOFTER = 1e-6, 1e-12
 # A component this close to the largest may serve to fix a sign: the first such one is taken.
 _NEARLY_LARGEST = 0.9
 
@@ -114,10 +114,8 @@ def chosen_modes(modes: Modes, chosen: IntArray) -> Modes:
     Modes
     """
     omega = modes.angular_frequency
-    rigid = int(np.sum(omega == 0.0))
-    kept = np.zeros(omega.size, dtype=bool)
-    kept[:rigid] = True
-    kept[rigid + chosen] = True
+    kept = omega == 0.0
+    kept[kept.sum() + chosen] = True
     squares = omega**2
     # Neighbours of the same frequency of which one is kept.
     torn = (np.diff(squares) < _DEGENERATE * squares[1:]) & (kept[1:] != kept[:-1]) & (omega[1:] > 0.0)
@@ -221,14 +219,11 @@ def _statics(model: Supported, loads: FloatArray) -> FloatArray:
 def balanced(model: Supported, loads: FloatArray) -> FloatArray:
     """Combinations (l, l - r) of the interfaces' unit loads (k, l) that no rigid motion feels."""
     felt = model.rigid.T @ loads
-    count = len(felt)
-    if not count:
-        return np.eye(loads.shape[1])
     # Moments are felt in other units than forces: what matters is the direction each load pushes in.
     scale = np.linalg.norm(felt, axis=0)
     scale[scale == 0.0] = 1.0
     _, _, turn = np.linalg.svd(felt / scale)
-    return turn[count:].T / scale[:, None]
+    return turn[len(felt) :].T / scale[:, None]
 
 
 def _with_rigid(model: Supported, modes: Modes) -> Modes:
@@ -345,9 +340,13 @@ def _rayleigh_ritz(k: sp.csr_array, m: sp.csr_array, vectors: FloatArray) -> tup
     try:
         squares, small = scipy.linalg.eigh(vectors.T @ (k @ vectors), vectors.T @ (m @ vectors))
         modes = vectors @ small
-        # Shapes of stiff pieces leave more than round-off. In this order soft modes stay clear of them.
-        for _ in range(_ORTHONORMALISATIONS):
+        # Shapes of stiff pieces leave more than round-off. In this order soft modes stay clear of them; in the small
+        # eigenproblem they do not, and are turned once more by themselves.
+        for share in _SOFTER:
             modes = scipy.linalg.solve_triangular(np.linalg.cholesky(modes.T @ (m @ modes)), modes.T, lower=True).T
+            soft = modes[:, : np.searchsorted(squares, share * squares[-1])]
+            squares[: soft.shape[1]], turn = np.linalg.eigh(soft.T @ (k @ soft))
+            soft[:] = soft @ turn
     except np.linalg.LinAlgError as error:
         found = f"the modes are not independent of each other ({error})"
         advice = "look for parts that hang on the rest by a single edge or corner, or ask for fewer modes"
