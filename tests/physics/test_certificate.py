@@ -12,10 +12,10 @@ from driven import Driven
 from flexfmu import read_mesh
 from flexfmu.api import Body, Interface, Support
 from flexfmu.body.flexible_body import FlexibleBody, State
-from flexfmu.body.reference_loads import differs_more, reference_loads
+from flexfmu.body.reference_loads import apart, differs_more, reference_loads
 from flexfmu.build.reduce import body_model, reduce_body
 from flexfmu.fe.nonlinear import load_path
-from flexfmu.files.basics import OptionError
+from flexfmu.files.basics import EquilibriumError, OptionError
 from flexfmu.files.outputs import Reporter
 from flexfmu.fmu.runtime import Runtime
 from flexfmu.mesh.elements import ElementType
@@ -638,6 +638,25 @@ def test_a_shadow_that_does_not_bear_reference_loads_counts_only_where_the_own_o
     # One that a step of Newton's method does not lead to tells nothing.
     monkeypatch.setattr("flexfmu.body.reference_loads._ASTRAY", 0.1)
     assert not differs_more(reduced, replace(reduced.shadow, body=other))
+
+
+def test_reference_loads_are_not_eased_until_a_shadow_bears_them(built):
+    """One that buckles under half of them tells nothing, or everything, where it has to bear them all."""
+    reduced, omega = built.reduced, built.reduced.shadow.body.angular_frequency
+    forms = np.zeros((2, omega.size, omega.size))
+    for mode, (_, name, force, _) in enumerate(reference_loads(FlexibleBody(reduced), back=False)):
+        state = FlexibleBody(reduced.shadow.body, "second_order").static({name: force})
+        place = np.argmax(np.abs(omega * state.q))
+        forms[mode, place, place] = omega[place] / abs(state.q[place])
+    membrane = Membrane.of(np.eye(omega.size), forms, np.zeros(forms.shape[:2]), *2 * [-np.ones(2)])
+    weak = replace(reduced.shadow, body=replace(reduced.shadow.body, membrane=membrane))
+    bent = FlexibleBody(weak.body, "second_order")
+    for _, name, force, _ in reference_loads(FlexibleBody(reduced)):
+        with pytest.raises(EquilibriumError):
+            bent.static({name: force})
+        bent.static({name: 0.125 * force})
+    assert apart(reduced, weak) == 0.0
+    assert apart(reduced, weak, first=reduced) == 1.0
 
 
 def test_in_motion_inertia_is_no_error(built):
