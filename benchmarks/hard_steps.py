@@ -76,7 +76,7 @@ def call(body: FlexibleBody, loads: Mapping[str, list[float]], step: float) -> t
         start = time.process_time()
         answer, _, _, _, work = body.core.step(rest.q, rest.v, inputs, step)
         best = min(best, time.process_time() - start)
-    return "ok" if answer.ok else answer.name.lower(), int(work[0]), int(work[1]), float(best)
+    return answer.name.lower() if answer else "ok", int(work[0]), int(work[1]), float(best)
 
 
 def measure(name: str, body: FlexibleBody, interface: str, cases: list[tuple[str, list[float], float]]) -> list[Record]:

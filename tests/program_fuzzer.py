@@ -118,11 +118,11 @@ def answers(image, rng):
     inputs = rng.standard_normal(core.loads)
     q, v = 0.1 * rng.standard_normal(m), rng.standard_normal(m)
     answer, found, share, _ = core.static(inputs)
-    yield "static", (answer, found, np.array(share)) if answer.ok else (answer, rest, np.array(share))
+    yield "static", (answer, rest if answer else found, np.array(share))
     for step, end in ((1e-3, None), (1e-3, -inputs), (0.3, None)):
         answer, q1, v1, _, _ = core.step(q, v, inputs, step, end)
         yield "step", (answer, q1, v1)
-        if answer.ok:
+        if not answer:
             q, v = q1, v1
     for at in (rest, q):
         yield "motion", (None, *core.motion_and_rates(at, v))
@@ -139,7 +139,7 @@ def answers(image, rng):
 def judge(name, given):
     """Why an answer is nonsense; None where it is sound."""
     answer, *arrays = given
-    sound = answer is not None and answer.ok
+    sound = answer is not None and not answer
     if sound and not all(np.all(np.isfinite(array)) for array in arrays):
         return "not finite, and yet OK"
     if name == "static" and sound and given[2] != 1.0:

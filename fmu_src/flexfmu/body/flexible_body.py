@@ -210,9 +210,9 @@ class FlexibleBody:
         >>> bool(arm.response(bent).displacement[0, 0] < 0.0)  # the tip draws nearer as the arm bends
         True
         """
-        answer, q, share, _ = self.core.static(self._packed(loads))
-        if not answer.ok:
-            raise EquilibriumError(self.core.static_refusal(answer, share), share)
+        refused, q, share, _ = self.core.static(self._packed(loads))
+        if refused:
+            raise EquilibriumError(self.core.static_refusal(refused, share), share)
         return State(q, np.zeros_like(q))
 
     def step(self, state: State, loads: _Given, step: float) -> State:
@@ -260,9 +260,9 @@ class FlexibleBody:
         self, state: State, inputs: FloatArray, step: float, end_inputs: FloatArray | None = None
     ) -> tuple[State, Work]:
         """As `step_with_work`, with loads as the array (6I,) or, of a body with masses, (6I + 3,) of `Loads.packed`."""
-        answer, q, v, hint, work = self.core.step(state.q, state.v, inputs, step, end_inputs, state.substeps)
-        if not answer.ok:
-            raise StepError(self.core.step_refusal(answer, step, work))
+        refused, q, v, hint, work = self.core.step(state.q, state.v, inputs, step, end_inputs, state.substeps)
+        if refused:
+            raise StepError(self.core.step_refusal(refused, step, work))
         return State(q, v, hint), Work(*work)
 
     def motion(self, state: State) -> FloatArray:

@@ -3,7 +3,8 @@
 import ctypes
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from enum import IntEnum
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,24 +14,14 @@ import numpy as np
 from ..files.basics import FloatArray, IntArray, OptionError
 from .building import PLATFORMS, source_hash, sources, this_platform
 from .interface import parameter, read_image, symbols
+from .structures import structures
 
 SHIPPED = Path(__file__).parent / "binaries"
 """Where a wheel has the cores of all platforms."""
 
 _WORDS = 1024
 _PLACE, _NUMBER, _WHOLE, _BYTE = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64, ctypes.c_char
-
-
-class _Limits(ctypes.Structure):
-    """`StepLimits` of core/data.h."""
-
-    _fields_ = [("longest", _NUMBER), ("tolerance", _NUMBER), ("most", _NUMBER)]
-
-
-class _Work(ctypes.Structure):
-    """`Work` of core/data.h."""
-
-    _fields_ = [("substeps", _WHOLE), ("iterations", _WHOLE), ("error", _NUMBER), ("astray", _PLACE), ("finer", _WHOLE)]
+_LIMITS, _WORK = (structures("data")[name] for name in ("StepLimits", "Work"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,30 +43,12 @@ class StepLimits:
     most: float = parameter("STEP_MOST").start
 
 
-@dataclass(frozen=True, slots=True)
-class StepAnswer:
-    """How a step or an equilibrium ended: a line of the table of answers.
-
-    Attributes
-    ----------
-    number : int
-    """
-
-    number: int
-
-    @property
-    def ok(self) -> bool:
-        """Whether it was found."""
-        return self.number == 0
-
-    @property
-    def name(self) -> str:
-        """The table's symbol."""
-        return symbols("ANSWER")[self.number]
+StepAnswer = IntEnum("StepAnswer", symbols("ANSWER"), start=0)  # type: ignore[misc]
+"""How a step or an equilibrium ended, zero where it was found: a line of the table of answers."""
 
 
 def _done(answer: int) -> None:
-    if not StepAnswer(answer).ok:
+    if answer:
         raise MemoryError("the core's workspace is too short for a call, which is an error of flexfmu")
 
 
@@ -217,7 +190,7 @@ class Core:
         self._body = self._library.body_open(image, len(image), ctypes.byref(why))
         if not self._body:
             raise OptionError(f"not a program: {(why.value or b'').decode()}")
-        if self._ask("options", damping_scale, ctypes.byref(_Limits(limits.longest, limits.tolerance, limits.most))):
+        if self._ask("options", damping_scale, ctypes.byref(_LIMITS(*astuple(limits)))):
             raise OptionError("an option is out of range")
         program = read_image(image)
         sizes = program.sizes
@@ -235,7 +208,7 @@ class Core:
         """Bytes of the program and of all workspaces."""
         return int(self._ask("bytes"))
 
-    def static(self, inputs: FloatArray) -> tuple[StepAnswer, FloatArray, float, int]:
+    def static(self, inputs: FloatArray) -> tuple[IntEnum, FloatArray, float, int]:
         """Stable equilibrium under loads (L,).
 
         Returns
@@ -251,7 +224,7 @@ class Core:
 
     def step(
         self, q: FloatArray, v: FloatArray, loads: FloatArray, step: float, end: FloatArray | None = None, hint: int = 1
-    ) -> tuple[StepAnswer, FloatArray, FloatArray, int, tuple[int, int, float]]:
+    ) -> tuple[IntEnum, FloatArray, FloatArray, int, tuple[int, int, float]]:
         """State after a step.
 
         Parameters
@@ -274,20 +247,21 @@ class Core:
         work : tuple
             Internal steps, rounds, and the estimated error.
         """
-        (q1, v1), tries, work = np.array([q, v], float).reshape(2, self.modes), np.array([hint], np.int64), _Work()
+        q1, v1 = np.array([q, v], float).reshape(2, self.modes)
+        tries, work = np.array([hint], np.int64), _WORK()
         answer = self._ask("step", loads, end, step, q1, v1, tries, ctypes.byref(work))
         return StepAnswer(answer), q1, v1, int(tries[0]), (work.substeps, work.iterations, work.error)
 
-    def step_refusal(self, answer: StepAnswer, step: float, work: tuple[int, int, float]) -> str:
+    def step_refusal(self, answer: IntEnum, step: float, work: tuple[int, int, float]) -> str:
         """Why a step of some length (s) was refused."""
         text = ctypes.create_string_buffer(_WORDS)
-        self._ask("refusal", answer.number, step, ctypes.byref(_Work(*work)), text, _WORDS)
+        self._ask("refusal", answer, step, ctypes.byref(_WORK(*work)), text, _WORDS)
         return text.value.decode()
 
-    def static_refusal(self, answer: StepAnswer, share: float) -> str:
+    def static_refusal(self, answer: IntEnum, share: float) -> str:
         """Why there is no equilibrium beyond a share of the load."""
         text = ctypes.create_string_buffer(_WORDS)
-        self._ask("static_refusal", answer.number, share, text, _WORDS)
+        self._ask("static_refusal", answer, share, text, _WORDS)
         return text.value.decode()
 
     def motion(self, q: FloatArray) -> FloatArray:

@@ -6,10 +6,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-_NUMBERS: dict[str, Any] = {"int64_t": ctypes.c_int64, "double": ctypes.c_double}
+_NUMBERS: dict[str, Any] = {"int64_t": ctypes.c_int64, "double": ctypes.c_double, "unsigned char": ctypes.c_ubyte}
 _ELEMENTS: dict[str, Any] = {"int64_t": "int64", "double": "float64", "unsigned": "uint32"}
 _STRUCTURE = re.compile(r"typedef struct \{(.*?)\} (\w+);", re.DOTALL)
-_MEMBERS = re.compile(r"(?:const )?(\w+) ([^;(]+|\(\*\w+\)\([^;]+);")
+_MEMBERS = re.compile(r"(?:const )?((?:unsigned )?\w+) ([^;(]+|\(\*\w+\)\([^;]+);")
 _MEMBER = re.compile(r"(\(?\*)?(\w+)(?:\)\(.*|\[(\d+)\])?")
 
 
