@@ -27,6 +27,7 @@ import scipy.sparse as sp
 from ..files.basics import FlexfmuError, FloatArray
 from ..files.outputs import whole_file
 from ..fmu.built_body import BuiltBody
+from ..model.arrays import whole
 from ..model.reduced_body import ReducedBody
 from ..model.rotations import skew
 from ..reduction.bodies import linear_use, made_body, motion_of_interfaces
@@ -121,14 +122,7 @@ def _lower_triangle(texts: Mapping[str, str], title: str) -> FloatArray:
     """The matrix of a substructure: its lower triangle row by row, after the card that names it."""
     if title not in texts:
         raise ValueError(f"it holds {', '.join(texts)}, no {title}")
-    values = np.array(texts[title].partition("*")[0].replace(",", " ").split(), dtype=float)
-    size = int(np.sqrt(2.0 * values.size))
-    if size * (size + 1) != 2 * values.size:
-        raise ValueError(f"{values.size} numbers are no lower triangle")
-    result = np.zeros((size, size))
-    rows, columns = np.tril_indices(size)
-    result[rows, columns] = result[columns, rows] = values
-    return result
+    return whole(np.array(texts[title].partition("*")[0].replace(",", " ").split(), dtype=float))
 
 
 SUFFIX = ".sid_fem"

@@ -13,6 +13,7 @@ from flexfmu.mesh.decks.orientation import Orientation, orientation
 from flexfmu.mesh.decks.sets import SetTable
 from flexfmu.mesh.elements import ElementBlock
 from flexfmu.mesh.model import NO_MATERIAL, Material, isotropic_average, laminate
+from flexfmu.model.arrays import whole
 
 # Constants a row holds at most, in both solvers.
 _ROW = 8
@@ -38,11 +39,9 @@ def _matrix(kind: str, values: FloatArray, line: Line, units: UnitSystem) -> tup
     matrix = np.zeros((6, 6))
     if values.size == 21:
         # Upper triangle, column by column.
-        rows, columns = np.tril_indices(6)
-        matrix[columns, rows] = matrix[rows, columns] = values
+        matrix[:] = whole(values)
     elif kind.startswith("ORTHO"):
-        rows, columns = np.tril_indices(3)
-        matrix[columns, rows] = matrix[rows, columns] = values[:6]
+        matrix[:3, :3] = whole(values[:6])
         matrix[range(3, 6), range(3, 6)] = values[6:]
     else:
         moduli, ratios, shear = values[:3], values[3:6], values[6:]
@@ -342,8 +341,8 @@ class DeckMaterials:
 
     def _except(self, section: Section, sets: SetTable, members: IntArray, at: FloatArray, base: FloatArray) -> None:
         """Give axes (n, 3, 3) of a section those of the elements that a distribution names."""
-        for whole, line, own in self.exceptions:
-            if section.orientation and self._found(section, section.orientation) is whole:
+        for general, line, own in self.exceptions:
+            if section.orientation and self._found(section, section.orientation) is general:
                 inside = np.isin(members, [*sets.find(fields(line)[0], line, section.scope)])
                 base[inside] = own.at(at[inside], shell=section.shell)
 

@@ -39,6 +39,8 @@ _ERRORS = {
 }
 # What the data says of all rows alike.
 _LEFT_OUT = ("scene",)
+# Colours, markers and words of pictures.py that the page has, too.
+_LOOK = "colours other beaten beaten_words taken taken_words estimated_words whole markers basis_words stars solvers"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,9 +119,9 @@ def chart(
     fronts = {q: front(rows, q, axis) for q in QUANTITIES if any(getattr(row, q) > 0.0 for row in rows)}
 
     def figure() -> "Figure":
-        from .. import pictures as look
+        from .. import pictures
 
-        return look.Picture(rows, whole, axis).figure(fronts, title)
+        return pictures.Picture(rows, whole, axis).figure(fronts, title)
 
     if picture is not None:
         from ...files.figures import save
@@ -151,7 +153,7 @@ def check_targets(records: Sequence[Path], picture: Path | None, html: Path | No
 
 def _page(rows: Sequence[Record], title: str) -> str:
     """Text of the page: reduced models, and the finite element model where it was timed."""
-    from .. import pictures as look
+    from .. import pictures
 
     names = [field.name for field in fields(Record) if field.name not in _LEFT_OUT]
     data = [{name: getattr(row, name) for name in (*names, "label", "short_label", "plainness")} for row in rows]
@@ -160,19 +162,6 @@ def _page(rows: Sequence[Record], title: str) -> str:
     for kind, axes in (("costs", _COSTS), ("errors", _ERRORS)):
         content[kind] = {n: words for n, words in axes.items() if any(0 < getattr(r, n) < math.inf for r in reduced)}
     content["tolerances"] = {"share": 1.0, **{quantity: tolerance(reduced, quantity) for quantity in QUANTITIES}}
-    content["look"] = {
-        "colours": look.COLOURS,
-        "other": look.OTHER,
-        "beaten": look.BEATEN,
-        "beatenWords": look.BEATEN_WORDS,
-        "taken": look.TAKEN,
-        "takenWords": look.TAKEN_WORDS,
-        "estimatedWords": look.ESTIMATED_WORDS,
-        "whole": look.WHOLE,
-        "markers": look.MARKERS,
-        "bases": look.BASIS_WORDS,
-        "stars": look.STARS,
-        "solvers": look.SOLVERS,
-        "methods": {method.value: method.label for method in Method},
-    }
+    content["look"] = {name: getattr(pictures, name.upper()) for name in _LOOK.split()}
+    content["methods"] = {method.value: method.label for method in Method}
     return page_text(__package__, title, content)
