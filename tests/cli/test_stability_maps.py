@@ -141,7 +141,7 @@ def test_the_default_beam_tells_by_how_much_a_moment_bends_it_otherwise_than_its
     """The finest model, which the map compares with, misses at third order what the default does."""
     folder, scene, _ = mapped
     (case,) = (one for one in scene.static if one.name == "moment")
-    whole = WholeModel(scene, Reporter(), Store()).equilibria(replace(case, factors=(0.6, 1.0)))
+    whole = WholeModel(scene, Reporter(), Store()).equilibria(case.model_copy(update={"factors": [0.6, 1.0]}))
     model = FlexibleBody(reduce_body(by_default(scene.config), Reporter(), Store()))
     for factor, expected in zip((0.6, 1.0), whole.motion[:, 0, :3], strict=True):
         moved = model.motion(model.static(case.peak.scaled(factor))).reshape(-1, 6)[0, :3]

@@ -5,7 +5,7 @@ It is from the whole finite element model, a tight reduced one, or the user.
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -368,7 +368,7 @@ def errors(scene: Scene, known: Mapping[str, Reference], model: FlexibleBody) ->
                 _look_at_rest(static, scene, case, factor, found, expected)
         for transient in scene.transient:
             start, end = tuple(map(fit, transient.start_loads)), tuple(map(fit, transient.end_loads))
-            motion = follow(model, replace(transient, start_loads=start, end_loads=end))[:, places]
+            motion = follow(model, transient.model_copy(update={"start_loads": start, "end_loads": end}))[:, places]
             _look_over_time(moving, scene, transient, motion, known[transient.name].motion)
     except RuntimeBodyError as error:
         return SceneErrors(failure=str(error))
@@ -427,7 +427,7 @@ def _look_over_time(worst: _Worst, scene: Scene, case: TransientCase, found: Flo
         worst.look(kind, rms[0], rms[1], scene.file.tolerance.transient, where)
 
 
-def within(signal: FloatArray, band: tuple[float, float], step: float) -> FloatArray:
+def within(signal: FloatArray, band: Sequence[float], step: float) -> FloatArray:
     """What a signal (T, ...) holds within a range of frequencies (Hz), without shifting it in time."""
     # Imported where needed: it takes 0.7 s.
     from scipy.signal import butter, sosfiltfilt

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pydantic import InstanceOf
 
 from ...body.loads import Loads, load_names
 from ...build.config import BodyFile, read_body_file
 from ...files.basics import FloatArray
 from ...files.tables import Kind, check_input, read_table
 from ...program.variable_table import ACCELERATION
-from .config import SceneError, SceneFile, TransientTable, check_steps, read_scene_file
+from .config import SceneError, SceneFile, StaticTable, TransientTable, check_steps, read_scene_file
 
 AXES = ("x", "y", "z")
 MOTION = ("displacement", "rotation")
@@ -20,55 +21,20 @@ MOTION = ("displacement", "rotation")
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class StaticCase:
-    """Loads that hold still.
+class StaticCase(StaticTable):
+    """Loads that hold still: what the scene file says of them, and their peak as the body takes it."""
 
-    Attributes
-    ----------
-    name : str
-    peak : Loads
-    factors : tuple of float
-        Parts of them at which the body is looked at.
-    results : Path or None
-        Results that the user brings.
-    results_seconds : float or None
-        Time of the run that made them, s.
+    peak: InstanceOf[Loads]
+
+
+class TransientCase(TransientTable):
+    """Motion from rest: what the scene file says of it, and the loads at the start and at the end of each step.
+
+    Within a step loads are linear.
     """
 
-    name: str
-    peak: Loads
-    factors: tuple[float, ...]
-    results: Path | None
-    results_seconds: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class TransientCase:
-    """Motion from rest.
-
-    Attributes
-    ----------
-    name : str
-    step : float
-        Communication step, s.
-    start_loads, end_loads : tuple of Loads
-        At the start and at the end of each step; in between they are linear.
-    frequencies : tuple of float or None
-        The range that counts, Hz.
-    results : Path or None
-        Results that the user brings.
-    seconds_per_second : float or None
-        What a simulated second of the finite element model takes, where the user knows.
-    """
-
-    name: str
-    step: float
-    start_loads: tuple[Loads, ...]
-    end_loads: tuple[Loads, ...]
-    frequencies: tuple[float, float] | None
-    results: Path | None
-    seconds_per_second: float | None = None
+    start_loads: tuple[InstanceOf[Loads], ...]
+    end_loads: tuple[InstanceOf[Loads], ...]
 
     @property
     def time(self) -> FloatArray:
@@ -165,11 +131,7 @@ def made_scene(file: SceneFile, path: Path, body: Path) -> Scene:
     kept = {*read, *loaded, *(file.loaded or ()), *([given.root or known[0]] if given.free else ())}
     config = given.model_copy(update={"interface": [table for table in given.interface if table.name in kept]})
     names = tuple(table.name for table in config.interface)
-    peaks = [_loads(c.loads, names, given, f"{path}: {c.name}") for c in file.static]
-    static = tuple(
-        StaticCase(c.name, peak, tuple(c.factors), c.results, c.results_seconds)
-        for c, peak in zip(file.static, peaks, strict=True)
-    )
+    static = tuple(StaticCase(**dict(c), peak=_loads(c.loads, names, given, f"{path}: {c.name}")) for c in file.static)
     transient = tuple(_transient(c, tables[c.name], names, given, path) for c in file.transient)
     return Scene(file, body, given, config, read, static, transient, _digest(file, config, read, static, transient))
 
@@ -185,9 +147,9 @@ def _digest(
     digest.update(Path(body.mesh.file).read_bytes())
     digest.update(repr((tuple(read), file.tolerance, file.reference)).encode())
     for rest in static:
-        digest.update(repr((rest.name, rest.factors)).encode() + rest.peak.packed(True).tobytes())
+        digest.update(repr((rest.name, tuple(rest.factors))).encode() + rest.peak.packed(True).tobytes())
     for motion in moving:
-        digest.update(repr((motion.name, motion.step, motion.frequencies)).encode())
+        digest.update(repr((motion.name, motion.step, motion.frequencies and tuple(motion.frequencies))).encode())
         for loads in (*motion.start_loads, *motion.end_loads):
             digest.update(loads.packed(True).tobytes())
     for results in (*(case.results for case in static), *(case.results for case in moving)):
@@ -248,8 +210,7 @@ def _transient(
     start = tuple(at(t, "right") for t in times[:-1])
     # Where nothing jumps the end of a step is the start of the next one.
     end = tuple(at(t, "left") for t in times[1:])
-    band = None if case.frequencies is None else (case.frequencies[0], case.frequencies[1])
-    return TransientCase(case.name, case.step, start, end, band, case.results, case.seconds_per_second)
+    return TransientCase(**dict(case), start_loads=start, end_loads=end)
 
 
 def _value(times: FloatArray, values: FloatArray, time: float, side: str) -> float:
