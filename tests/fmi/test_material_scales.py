@@ -123,12 +123,12 @@ def test_a_picture_of_a_run_knows_the_scales(tmp_path):
     loads[:, 0], loads[:, 2], loads[:, 9] = (0.0, 2e-3), 300.0, 9.81
     parameters = {name: str(value) for name, value in SCALES.items()}
     body = body_with(model, parameters)
-    found = replay(body, loads, np.linspace(0.0, 2e-3, 11), parameters, Reporter())
+    _, states = replay(body, loads, np.linspace(0.0, 2e-3, 11), parameters, Reporter())
     one = Driven(model, tmp_path, **SCALES)
     one.set(**{"tip.force.y": 300.0, "body.acceleration.z": 9.81})
     for _ in range(10):
         assert one.taken(2e-4)
-    np.testing.assert_allclose(body.core.motion(found.q[-1]), one.motion("tip"), rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(body.core.motion(states[-1]), one.motion("tip"), rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.slow

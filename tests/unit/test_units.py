@@ -119,7 +119,7 @@ def test_places_points_and_joints_are_in_the_units_of_the_mesh_in_body_files_and
             np.testing.assert_allclose(interface.point, [0.3, 0.0, 0.0], atol=1e-12)
             rows = node_set(found.model.mesh, interface.nodes, "tip")
             np.testing.assert_array_equal(rows, np.flatnonzero(np.isclose(body.mesh.points[:, 0], SIZE[0])))
-            np.testing.assert_allclose(found.options.branches[0].joints, [0.127], atol=1e-12)
+            np.testing.assert_allclose(found.options.branches[0][1], [0.127], atol=1e-12)
 
 
 def test_a_place_or_point_in_metres_of_a_mesh_in_millimetres_is_told(tmp_path):

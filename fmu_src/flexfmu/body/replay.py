@@ -6,7 +6,7 @@ the same times give the same motion to the last bit; here its state is at hand.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -22,25 +22,6 @@ from .loads import Loads
 
 # Relative difference of times that are the same.
 _SAME = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class Replay:
-    """A motion.
-
-    Attributes
-    ----------
-    time : (T,) float
-        s.
-    q : (T, m) float
-        kg^1/2 m.
-    ended : str
-        Why it ended before its time; empty if it did not.
-    """
-
-    time: FloatArray
-    q: FloatArray
-    ended: str = ""
 
 
 def body_with(model: ReducedBody, parameters: Mapping[str, object], method: str | None = None) -> FlexibleBody:
@@ -97,8 +78,8 @@ def loads_at(table: FloatArray, time: float) -> FloatArray:
 
 def replay(
     body: FlexibleBody, table: FloatArray, points: FloatArray, parameters: Mapping[str, object], report: Reporter
-) -> Replay:
-    """Step a body through communication points.
+) -> tuple[FloatArray, FloatArray]:
+    """Step a body through communication points, or as far as it goes.
 
     Parameters
     ----------
@@ -113,7 +94,10 @@ def replay(
 
     Returns
     -------
-    Replay
+    time : (T,) float
+        s.
+    q : (T, m) float
+        kg^1/2 m.
     """
     interpolation = word_of("INTERPOLATION", parameters.get(names.INTERPOLATION))
     stiffness, density, pace = _scales(parameters)
@@ -124,7 +108,7 @@ def replay(
     state = body.rest()
     if word_of("START", parameters.get(names.INITIALIZATION)) == "static":
         state = body.static(Loads.unpacked(before, body.model.interface_count))
-    states, length, ended = [state.q], 0.0, ""
+    states, length = [state.q], 0.0
     with report.counted(f"Follow {body.model.name} to {points[-1]:g} s", len(points) - 1, "steps") as tell:
         for k, (begin, end) in enumerate(pairwise(points)):
             now = loads_at(table, float(begin))
@@ -136,10 +120,9 @@ def replay(
             try:
                 same = np.array_equal(start, finish)
                 state, _ = body.step_packed(state, start, pace * float(end - begin), None if same else finish)
-            except StepError as error:
-                ended = str(error)
+            except StepError:
                 break
             states.append(state.q)
             before, length = now, float(end - begin)
             tell(k + 1)
-    return Replay(points[: len(states)], np.array(states), ended)
+    return points[: len(states)], np.array(states)

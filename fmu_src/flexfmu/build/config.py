@@ -191,11 +191,11 @@ class BodySpec(Table):
             levels=plain.DEFAULT_FRAMES if self.frames is None else self.frames,
             levels_asked=self.frames is not None,
             frames=plain_tables(plain.FrameNodes, self.frame, self.mesh.units.length),
-            branches=plain_tables(plain.BranchJoints, self.branch, self.mesh.units.length),
+            branches=tuple((b.toward, tuple(one * self.mesh.units.length for one in b.joints)) for b in self.branch),
             cuts=tuple(one.nodes for one in self.cuts),
             find_cuts=self.cut == "auto",
             may_cut=self.open_to_cuts,
-            stress=plain_tables(plain.StressElements, self.stress),
+            stress=tuple((one.name, one.elements) for one in self.stress),
             basis=plain.BasisOptions(
                 self.reduction.basis,
                 self._modes.numbers,

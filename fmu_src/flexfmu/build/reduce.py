@@ -83,8 +83,8 @@ def _check_sets(options: BodyOptions, mesh: Mesh) -> None:
         node_set(mesh, cut, "[[cut]] nodes")
     for interface in options.interfaces:
         node_set(mesh, interface.nodes, f"interface {interface.name!r}, nodes")
-    for stress in options.stress:
-        element_set(mesh, stress.elements, f"stress {stress.name!r}, elements")
+    for name, elements in options.stress:
+        element_set(mesh, elements, f"stress {name!r}, elements")
     for frame in options.frames:
         node_set(mesh, frame.nodes, f"frame {frame.name!r}, nodes")
         if isinstance(frame.joint, str):

@@ -185,15 +185,16 @@ def show_simulation(
     body = body_with(model, given)
     names, loads = read_table(table)
     outputs, motion = read_table(result)
-    found = replay(body, np.column_stack([loads[:, :1], packed_rows(model, names, loads)]), motion[:, 0], given, report)
+    packed = np.column_stack([loads[:, :1], packed_rows(model, names, loads)])
+    times, states = replay(body, packed, motion[:, 0], given, report)
     columns = motions.motion_columns(body, outputs)
-    expected = motion[: len(found.q), [column + 1 for column in columns]]
-    seen = np.array([body.core.motion(q)[list(columns.values())] for q in found.q])
+    expected = motion[: len(states), [column + 1 for column in columns]]
+    seen = np.array([body.core.motion(q)[list(columns.values())] for q in states])
     off = float(np.abs(seen - expected).max(initial=0.0))
     if off > _REPLAYED * max(float(np.abs(expected).max(initial=0.0)), 1e-12):
         report.warning(f"the picture's motion differs from the FMU's by up to {off:.2g}: its loads are other ones")
-    some = _spread(len(found.time), MOST_SHAPES)
-    case = motions.motion_case(body, table.name, [*found.q[some]], [*found.time[some]])
+    some = _spread(len(times), MOST_SHAPES)
+    case = motions.motion_case(body, table.name, [*states[some]], [*times[some]])
     with report.stage(f"Write {output}"):
         Shown(motions.body_view(body, [case])).save(output)
 

@@ -14,7 +14,7 @@ from ..model.reduced_body import GROUND, ReducedBody, WholeFrame
 from . import subdomains as domains
 from .division import Joints, divide, divide_branches, open_loops
 from .model import Model
-from .options import Basis, BodyOptions, BodyUse, InterfaceNodes, node_set, reference
+from .options import BodyOptions, BodyUse, InterfaceNodes, node_set, reference
 from .rigid_fit import Weighted, by_node, rigid_fit
 from .supported import Supported
 
@@ -49,8 +49,8 @@ def body_subdomains(config: BodyOptions, model: Model) -> tuple[list[domains.Sub
         # Or a section's in a part of a cut body.
         ends = {one.name: one.nodes for one in config.interfaces}
         branches = [
-            Joints(b.toward, node_set(mesh, ends.get(b.toward, b.toward), f"[[branch]] toward {b.toward!r}"), b.joints)
-            for b in config.branches
+            Joints(toward, node_set(mesh, ends.get(toward, toward), f"[[branch]] toward {toward!r}"), joints)
+            for toward, joints in config.branches
         ]
         division = divide_branches(mesh, anchored, branches)
         return top + domains.on_floating_frame(division.subdomains, len(top)), _advised(division.cuts)
@@ -129,11 +129,6 @@ def hanging(model: Model, config: BodyOptions) -> IntArray:
         return model.anchored
     root = config.interfaces[config.root_place]
     return np.sort(node_set(model.mesh, root.nodes, f"interface {root.name!r}, nodes"))
-
-
-def fixable_root(config: BodyOptions, model: Model) -> int:
-    """The same where a scene may fix it: the body moves freely, and the basis holds its constraint modes."""
-    return config.root_place if model.rigid.shape[1] and config.basis.kind is Basis.CRAIG_BAMPTON else GROUND
 
 
 # Weight of all nodes that are added to a line or a point, over all of theirs.

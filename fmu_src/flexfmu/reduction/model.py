@@ -61,7 +61,7 @@ def completed(mesh: Mesh, config: BodyOptions) -> tuple[Mesh, tuple[str, ...]]:
         if told := [key for key in given if not np.isnan(getattr(materials[place], key))]:
             notes.append(f"[material]: {', '.join(told)} of {materials[place].name!r} instead of the mesh file's")
         materials[place] = _with(materials[place], table, given, units)
-    rest = _unnamed(config.materials)
+    rest = next((table for table in config.materials if table.name is None), None)
     if rest is not None:
         for place, material in enumerate(materials):
             lacking = [key for key in missing(material) if getattr(rest, key) is not None]
@@ -99,11 +99,7 @@ def missing(material: Material) -> tuple[str, ...]:
 def needless(mesh: Mesh, config: BodyOptions) -> bool:
     """Whether the table without a name is for nothing."""
     lacks = elements_without_material(mesh) or any(missing(material) for material in mesh.materials)
-    return not lacks and _unnamed(config.materials) is not None
-
-
-def _unnamed(tables: Sequence[MaterialConstants]) -> MaterialConstants | None:
-    return next((table for table in tables if table.name is None), None)
+    return not lacks and any(table.name is None for table in config.materials)
 
 
 def _place(mesh: Mesh, materials: list[Material], name: str) -> tuple[Mesh, int]:

@@ -14,6 +14,7 @@ from ..files.basics import BodyFileError, BoolArray, FloatArray, IntArray, UnitS
 from ..mesh.model import Mesh
 from ..model.methods import DEFAULT, Data, Variant
 from ..model.reduced_body import Properties
+from ..model.summary import point
 
 _DEFAULT = Variant(DEFAULT)
 DEFAULT_FRAMES = 4
@@ -47,6 +48,8 @@ class Place:
 
 Nodes = str | Place | tuple[str | Place, ...]
 """A set's name, a place, or all of several."""
+Branch = tuple[str, tuple[float, ...]]
+"""Interface or cut, and distances (m) of joints from the supports on the way there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,22 +107,6 @@ class FrameNodes:
 
 
 @dataclass(frozen=True, slots=True)
-class BranchJoints:
-    """Distances (m) of joints from the supports on the way toward an interface or a cut."""
-
-    toward: str
-    joints: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class StressElements:
-    """Element set whose stress is stored, by the output's name."""
-
-    name: str
-    elements: str
-
-
-@dataclass(frozen=True, slots=True)
 class BasisOptions:
     """Modal basis.
 
@@ -167,7 +154,7 @@ class BodyOptions:
     levels_asked : bool
         Whether just so many: else one frame where stretch stops a loop before it turns far.
     frames : tuple of FrameNodes
-    branches : tuple of BranchJoints
+    branches : tuple of Branch
         In place of levels.
     cuts : tuple of str
         Node sets of the sections at which the body is cut.
@@ -175,7 +162,8 @@ class BodyOptions:
         Whether sections that open loops are looked for.
     may_cut : bool
         Whether loops are cut if it pays.
-    stress : tuple of StressElements
+    stress : tuple of (str, str)
+        Outputs, and the element sets whose stress they are.
     basis : BasisOptions
     membrane : bool, "auto" or "finer"
         Energy of stretching and flattening, where it holds enough, or, for a shadow, stretching down to less of it.
@@ -204,11 +192,11 @@ class BodyOptions:
     levels: int = DEFAULT_FRAMES
     levels_asked: bool = False
     frames: tuple[FrameNodes, ...] = ()
-    branches: tuple[BranchJoints, ...] = ()
+    branches: tuple[Branch, ...] = ()
     cuts: tuple[str, ...] = ()
     find_cuts: bool = False
     may_cut: bool = False
-    stress: tuple[StressElements, ...] = ()
+    stress: tuple[tuple[str, str], ...] = ()
     basis: BasisOptions = BasisOptions()
     membrane: bool | Literal["auto", "finer"] = "auto"
     variant: Variant = _DEFAULT
@@ -449,7 +437,7 @@ def _nearby(mesh: Mesh, place: Place, key: str, units: UnitSystem) -> str:
     """Where the body is, how far the closest node misses, and in which other units the place would be on it."""
     unit, name = units.length, units.length_name
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-    words = f"the body reaches from {_point(low / unit)} to {_point(high / unit)} {name}"
+    words = f"the body reaches from {point(low / unit)} to {point(high / unit)} {name}"
     centre = place.plane or place.patch or place.nearest
     if place.plane is not None and place.normal is not None:
         least = np.abs((mesh.points - place.plane) @ (np.array(place.normal) / np.linalg.norm(place.normal))).min()
@@ -469,7 +457,3 @@ def _scaled(place: Place, factor: float) -> Place:
     names = ("plane", "box", "cylinder", "patch", "radius", "nearest")
     given = {name: value for name in names if (value := getattr(place, name)) is not None}
     return replace(place, **{name: np.multiply(value, factor).tolist() for name, value in given.items()})
-
-
-def _point(place: FloatArray) -> str:
-    return "(" + ", ".join(f"{float(x):.5g}" for x in place) + ")"

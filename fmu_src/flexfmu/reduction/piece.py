@@ -22,7 +22,7 @@ from .masses import Centre, element_lumps, lumped_mass, mass_centres, sub_masses
 from .membrane import Stretching, completed_body, membrane_energy
 from .model import Model
 from .modes import Modes, frequency_spread
-from .options import BodyOptions, BodyUse, element_set
+from .options import Basis, BodyOptions, BodyUse, element_set
 from .rigid_fit import by_node, modal_fit
 from .second_order import node_readings, second_order
 from .subdomains import FrameOperators, Subdomain, carrying_frame, frame_operators
@@ -268,9 +268,11 @@ def _parts(divided: _Divided, basis: _Basis, loads: FloatArray, second: SecondOr
     modes, key, stored = basis.modes, basis.key, config.stored
     surface = _surface(divided, basis, second) if config.surface else None
     of_loads = matrices, modes, key, loads, config.acceleration
+    craig_bampton = config.basis.kind is Basis.CRAIG_BAMPTON
     return {
         **(_watched(divided, basis, loads) if config.watched else {}),
-        "root_interface": bodies.fixable_root(config, model),
+        # A scene may fix the root of a body that moves freely where the basis holds its constraint modes.
+        "root_interface": config.root_place if model.rigid.shape[1] and craig_bampton else GROUND,
         "whole": bodies.whole_frame(model, modes.shapes, config) if bodies.several(subdomains) else None,
         "masses": sub_masses(model.mesh, modes.shapes, subdomains) if config.acceleration else None,
         "stress_sets": _stress_sets(config, model, modes),
@@ -476,7 +478,7 @@ def _springs(divided: _Divided, basis: _Basis) -> Ties | None:
 def _stress_sets(config: BodyOptions, model: Model, modes: Modes) -> tuple[StressSet, ...]:
     """Modal stress of the element sets whose stress is asked for."""
     mesh, result = model.mesh, []
-    for table in config.stress:
-        elements = element_set(mesh, table.elements, f"stress {table.name!r}, elements")
-        result.append(StressSet(table.name, *point_stress(mesh, elements, modes.shapes)))
+    for name, elements_name in config.stress:
+        elements = element_set(mesh, elements_name, f"stress {name!r}, elements")
+        result.append(StressSet(name, *point_stress(mesh, elements, modes.shapes)))
     return tuple(result)

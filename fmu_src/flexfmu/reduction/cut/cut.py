@@ -19,7 +19,7 @@ from ...model.summary import point
 from ..bushings import Bushings
 from ..division import neighbours
 from ..model import Model, free_motions, stays_free
-from ..options import Basis, BodyOptions, BranchJoints, InterfaceNodes, SupportNodes, node_set
+from ..options import Basis, BodyOptions, Branch, InterfaceNodes, SupportNodes, node_set
 from ..rigid_fit import by_node, rigid_fit, rigid_motions
 from ..subdomains import elements_within, section as section_weights
 from .loops import LoopSection
@@ -320,8 +320,8 @@ def part_configs(config: BodyOptions, opened: Mesh, parts: Sequence[Part]) -> li
             interfaces=tuple(interfaces[number]),
             levels=levels,
             frames=tuple(frame for frame in config.frames if home[frame.name] == number),
-            branches=_branches(config.branches, interfaces[number]),
-            stress=tuple(one for one in config.stress if _has(part.model.mesh.element_sets, one.elements)),
+            branches=tuple(_branches(config.branches, [one.name for one in interfaces[number]])),
+            stress=tuple((name, own) for name, own in config.stress if _has(part.model.mesh.element_sets, own)),
             basis=basis,
         )
         for number, part in enumerate(parts)
@@ -345,12 +345,11 @@ def _interfaces(config: BodyOptions, mesh: Mesh, parts: Sequence[Part], owner: I
     return interfaces
 
 
-def _branches(tables: Sequence[BranchJoints], interfaces: Sequence[InterfaceNodes]) -> tuple[BranchJoints, ...]:
+def _branches(tables: Sequence[Branch], interfaces: Sequence[str]) -> list[Branch]:
     """Branches that lead to a part's interfaces, or to its side of a cut."""
-    sides = {side_set(table.toward, side): table for table in tables for side in SIDES}
-    found = [table for table in tables if any(table.toward == one.name for one in interfaces)]
-    ends = [one.name for one in interfaces if one.name in sides]
-    return (*found, *(replace(sides[name], toward=name) for name in ends))
+    sides = {side_set(toward, side): joints for toward, joints in tables for side in SIDES}
+    found = [(toward, joints) for toward, joints in tables if toward in interfaces]
+    return found + [(name, sides[name]) for name in interfaces if name in sides]
 
 
 def _has(sets: Mapping[str, IntArray], name: str) -> bool:

@@ -310,6 +310,8 @@ def _surface(stack: _Stack, modes: FloatArray, interfaces: Sequence[str]) -> Sur
 
     fields, forms = _second_order_fields(stack, modes)
     stress = [(p, s.stress) for p, s in found if s.stress is not None]
+    # Rotation by which a part's second-order motions are turned back; none where it cannot turn.
+    turns = [(p, np.zeros((1, 3, parts[p].mode_count)) if s.turn is None else s.turn) for p, s in found]
     numbers = [_renumbered(parts[p].interface_names, s.interface, interfaces) for p, s in found]
     return Surface(
         every("points"),
@@ -320,16 +322,11 @@ def _surface(stack: _Stack, modes: FloatArray, interfaces: Sequence[str]) -> Sur
         every("support"),
         fields,
         forms,
-        np.concatenate([stack.widened(p, _turn(parts[p], s)) for p, s in found]) @ modes,
+        np.concatenate([stack.widened(p, turn) for p, turn in turns]) @ modes,
         np.concatenate([np.zeros((1, 3)) if s.pivot is None else s.pivot for _, s in found]),
         np.repeat(np.arange(len(found)), [len(s.points) for _, s in found]),
         stress=np.concatenate([stack.widened(p, part) for p, part in stress]) @ modes if stress else None,
     )
-
-
-def _turn(part: ReducedBody, surface: Surface) -> FloatArray:
-    """Rotation (1, 3, m_p) by which a part's second-order motions are turned back; none where it cannot turn."""
-    return np.zeros((1, 3, part.mode_count)) if surface.turn is None else surface.turn
 
 
 def _renumbered(names: Sequence[str], number: IntArray | None, kept: Sequence[str]) -> IntArray:
