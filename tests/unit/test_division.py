@@ -15,7 +15,7 @@ from flexfmu.mesh.checks import checked
 from flexfmu.mesh.elements import ElementBlock, ElementType
 from flexfmu.model.methods import Method
 from flexfmu.model.reduced_body import GROUND
-from flexfmu.reduction.division import Joints, distance_along, divide, divide_branches
+from flexfmu.reduction.division import distance_along, divide, divide_branches
 from flexfmu.reduction.subdomains import division_warnings
 from meshes import EVERY_TYPE, arc, bars, body_file, box, grid, lattice, renumbered, with_sets
 from references import relative
@@ -259,7 +259,7 @@ def test_division_does_not_depend_on_the_numbering_of_nodes_and_elements(kind, n
 
 
 def branched(mesh, *branches):
-    found = [Joints(name, mesh.node_sets[name], joints) for name, joints in branches]
+    found = [(name, mesh.node_sets[name], joints) for name, joints in branches]
     return divide_branches(mesh, mesh.node_sets["ROOT"], found)
 
 

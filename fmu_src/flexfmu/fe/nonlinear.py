@@ -53,15 +53,12 @@ class LoadPath:
 
     Attributes
     ----------
-    factor : (f,) float
-        Parts of the load.
     displacement : (f, 3n) float
         m.
     increments, iterations : int
         What it took.
     """
 
-    factor: FloatArray
     displacement: FloatArray
     increments: int
     iterations: int
@@ -217,7 +214,7 @@ def load_path(
             report.note(f"{100.0 * reached:.4g} % of the load after {used} iterations")
             increment *= 2.0 if used < _EASY else 1.0
         found.append(u.copy() if means is None else means @ u)
-    return LoadPath(np.asarray(factors, dtype=np.float64), np.array(found), increments, iterations)
+    return LoadPath(np.array(found), increments, iterations)
 
 
 def _newton(

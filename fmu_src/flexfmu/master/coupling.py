@@ -128,9 +128,6 @@ class Result:
     values: FloatArray
 
     def __post_init__(self) -> None:
-        if self.values.shape != (len(self.time), len(self.names)) or len(self.units) != len(self.names):
-            found = f"{len(self.names)} names, {len(self.units)} units, {len(self.time)} times"
-            raise ValueError(f"{found}, values {self.values.shape}")
         for array in (self.time, self.values):
             array.flags.writeable = False
 
@@ -351,7 +348,7 @@ def write_ssp(file: Path, path: Path, report: Reporter) -> None:
     wiring = wire(coupling)
     described = {fmu.name: read_description(fmu.name, fmu.file) for fmu in coupling.fmu}
     _check(coupling, described)
-    fed = [place for table in wiring.tables for place in table.inputs]
+    fed = [place for places, _ in wiring.tables for place in places]
     inputs = [wiring.input_names[place] for place in fed]
     outputs = [
         recorded.name

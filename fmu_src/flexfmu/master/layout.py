@@ -188,24 +188,6 @@ def units_differ(one: Description, name: str, other: Description, other_name: st
 
 
 @dataclass(frozen=True, slots=True)
-class SignalTable:
-    """Inputs over time: linear between rows, of rows at one time the last counts from then on.
-
-    Attributes
-    ----------
-    time : (R,) float
-        s.
-    values : (R, C) float
-    inputs : (C,) int
-        Places among the driven inputs.
-    """
-
-    time: FloatArray
-    values: FloatArray
-    inputs: IntArray
-
-
-@dataclass(frozen=True, slots=True)
 class Springs:
     """N spring-dampers between E ends.
 
@@ -334,7 +316,9 @@ class Wiring:
         Inputs that connections or springs feed.
     matrix : (n, signals) float
         Of the connections.
-    tables : tuple of SignalTable
+    tables : tuple of ((C,) int, (R, 1 + C) float)
+        Places among the driven inputs, and rows of time (s) and values: linear between rows, of rows at one time the
+        last counts from then on.
     springs : Springs
     ends : Ends
     responses : tuple of EndResponse
@@ -350,7 +334,7 @@ class Wiring:
     base: FloatArray
     coupled: BoolArray
     matrix: FloatArray
-    tables: tuple[SignalTable, ...]
+    tables: tuple[tuple[IntArray, FloatArray], ...]
     springs: Springs
     ends: Ends
     responses: tuple[EndResponse, ...]

@@ -244,7 +244,7 @@ def wire(coupling: CouplingFile) -> layout.Wiring:
         base=base,
         coupled=coupled,
         matrix=matrix,
-        tables=tuple(_fed(rows, [input_place[fmu, n] for n in names]) for fmu, (names, rows) in tables.items()),
+        tables=tuple((np.array([input_place[fmu, n] for n in own]), rows) for fmu, (own, rows) in tables.items()),
         springs=lay_springs(coupling.spring, ends),
         ends=laid_ends,
         responses=lay_responses(ends, descriptions, fed_place, signal_place),
@@ -257,10 +257,6 @@ def _placed(asked: Asked, descriptions: Described) -> Places:
     """Places of variables: in the order of the FMUs, then in that of asking."""
     order = list(descriptions).index
     return {pair: place for place, pair in enumerate(sorted(asked, key=lambda pair: order(pair[0])))}
-
-
-def _fed(rows: FloatArray, places: list[int]) -> layout.SignalTable:
-    return layout.SignalTable(rows[:, 0], rows[:, 1:], np.array(places, dtype=np.int64))
 
 
 def _roles(descriptions: Described, starts: Mapping[str, Mapping[str, StartValue]], *both: Places) -> list[layout.Role]:

@@ -12,7 +12,7 @@ from ..mesh.model import Mesh
 from ..model.methods import Data, Method, Variant
 from ..model.reduced_body import GROUND, ReducedBody, WholeFrame
 from . import subdomains as domains
-from .division import Joints, divide, divide_branches, open_loops
+from .division import divide, divide_branches, open_loops
 from .model import Model
 from .options import BodyOptions, BodyUse, InterfaceNodes, node_set, reference
 from .rigid_fit import Weighted, by_node, rigid_fit
@@ -49,7 +49,7 @@ def body_subdomains(config: BodyOptions, model: Model) -> tuple[list[domains.Sub
         # Or a section's in a part of a cut body.
         ends = {one.name: one.nodes for one in config.interfaces}
         branches = [
-            Joints(toward, node_set(mesh, ends.get(toward, toward), f"[[branch]] toward {toward!r}"), joints)
+            (toward, node_set(mesh, ends.get(toward, toward), f"[[branch]] toward {toward!r}"), joints)
             for toward, joints in config.branches
         ]
         division = divide_branches(mesh, anchored, branches)

@@ -53,25 +53,6 @@ class Division:
     cuts: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Joints:
-    """Joints on the way from the supports to somewhere.
-
-    Attributes
-    ----------
-    name : str
-        For messages.
-    nodes : (k,) int
-        Where the way ends.
-    joints : tuple of float
-        Distances from the supports, m, ascending.
-    """
-
-    name: str
-    nodes: IntArray
-    joints: tuple[float, ...]
-
-
 @once
 def distance_along(mesh: Mesh, sources: IntArray) -> FloatArray:
     """Shortest way from the sources to each node, from node to node within elements.
@@ -137,7 +118,9 @@ def divide(mesh: Mesh, supported: IntArray, levels: int) -> Division:
     return _divided(mesh, supported, level, linked(mesh), distance, depth)
 
 
-def divide_branches(mesh: Mesh, supported: IntArray, branches: Sequence[Joints]) -> Division:
+def divide_branches(
+    mesh: Mesh, supported: IntArray, branches: Sequence[tuple[str, IntArray, tuple[float, ...]]]
+) -> Division:
     """Divide a body at given distances from its supports, of each branch by itself.
 
     A joint separates what lies beyond it and hangs together with the branch's end from all the rest.
@@ -147,7 +130,8 @@ def divide_branches(mesh: Mesh, supported: IntArray, branches: Sequence[Joints])
     mesh : Mesh
     supported : (k,) int
         Nodes from which the distance counts.
-    branches : sequence of Joints
+    branches : sequence of (str, (k,) int, tuple of float)
+        Name of a way from the supports, for messages, nodes where it ends, and distances of joints (m), ascending.
 
     Returns
     -------
@@ -166,14 +150,14 @@ def divide_branches(mesh: Mesh, supported: IntArray, branches: Sequence[Joints])
     size = float(distance.max())
     place = np.round(middle / size, _DIGITS)
     beyond = []
-    for branch in branches:
-        touching = np.concatenate([np.isin(b.connectivity, branch.nodes).any(axis=1) for b in mesh.blocks])
+    for name, nodes, joints in branches:
+        touching = np.concatenate([np.isin(b.connectivity, nodes).any(axis=1) for b in mesh.blocks])
         end = int(np.argmax(np.where(touching, middle, -np.inf)))
-        for joint in branch.joints:
+        for joint in joints:
             outer = (place >= round(joint / size, _DIGITS)).astype(np.int64)
             if not outer[end]:
                 raise BodyFileError(
-                    f"[[branch]] toward {branch.name!r}: a joint at {joint:g} m from the supports, where the branch "
+                    f"[[branch]] toward {name!r}: a joint at {joint:g} m from the supports, where the branch "
                     f"ends at {middle[end]:.4g} m; the distance counts from node to node along the body"
                 )
             _, label = connected_components(link.multiply(equal_labels(link, outer)), directed=False)
@@ -181,7 +165,7 @@ def divide_branches(mesh: Mesh, supported: IntArray, branches: Sequence[Joints])
     # Elements beyond the same joints are a piece if they hang together.
     flags = np.array(beyond, dtype=np.int64).reshape(len(beyond), -1)
     level = np.unique(flags, axis=1, return_inverse=True)[1].ravel().astype(np.int64)
-    steps = [b - a for branch in branches for a, b in pairwise((0.0, *branch.joints))]
+    steps = [b - a for _, _, joints in branches for a, b in pairwise((0.0, *joints))]
     return _divided(mesh, supported, level, link, distance, min(steps, default=size))
 
 
