@@ -276,7 +276,9 @@ def stability(
     from ..study.stability import map_stability
     from ..study.workshop import Crew
 
-    records, finding, picture = Path(records), "", None if picture is None else Path(picture)
+    finding = ""
+    records = Path(records)
+    picture = None if picture is None else Path(picture)
     outputs.check_target(picture, outputs.PICTURE_SUFFIXES, inputs=(records,))
     if body is not None and scene is not None:
         found = read_scene(Path(scene), Path(body))

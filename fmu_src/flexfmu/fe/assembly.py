@@ -109,15 +109,16 @@ def unknowns(fixed: BoolArray, equations: sp.csr_array, mixed: tuple[IntArray, F
         # Where one point of several alone is held, neither the mean nor the difference is.
         both = fixed[node].all(axis=1)
         alone = sp.eye_array(held.size, format="csr")[np.flatnonzero((fixed & ~both).ravel())]
-        equations, held = sp.csr_array(sp.vstack([equations, alone]) @ means), both.ravel()
+        equations = sp.csr_array(sp.vstack([equations, alone]) @ means)
+        held = both.ravel()
     elif not equations.shape[0]:
         return Unknowns(np.flatnonzero(~held), held.size)
     # What is held drops out of the equations.
     dependent, matrix = solved(sp.csr_array(equations @ sp.diags_array((~held).astype(float))))
     known = held.copy()
     known[dependent] = True
-    free, itself = np.flatnonzero(~known), np.zeros(held.size)
-    itself[free] = 1.0
+    free = np.flatnonzero(~known)
+    itself = (~known).astype(float)
     place = dependent, np.arange(dependent.size)
     spread = sp.csr_array((np.ones(dependent.size), place), (held.size, dependent.size))
     inner = sp.csr_array((sp.diags_array(itself) + spread @ matrix).tocsc()[:, free])

@@ -333,7 +333,8 @@ def factor_entries(matrix: sp.csr_array, node: IntArray, order: IntArray) -> flo
     compact = np.unique(node, return_inverse=True)[1]
     # When each node is eliminated.
     place = np.argsort(np.argsort(np.unique(compact[order], return_index=True)[1]))
-    graph, unknowns = _node_graph(matrix, place[compact]), np.bincount(place[compact])
+    graph = _node_graph(matrix, place[compact])
+    unknowns = np.bincount(place[compact])
     waiting: list[list[IntArray]] = [[] for _ in range(place.size)]
     total = 0.0
     for column in range(place.size):

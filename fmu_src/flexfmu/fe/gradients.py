@@ -57,7 +57,8 @@ def geometric_stiffness(mesh: Mesh, fields: FloatArray, shapes: FloatArray) -> F
     u, phi, m = *(some.reshape(len(mesh.points), 3, -1) for some in (fields, shapes)), shapes.shape[1]
     result = np.zeros((u.shape[2], m, m))
     for some in elastic_cells(mesh, 0, max(_ROWS, 4 * _NUMBERS // max(u.shape[2], m * min(m, _FIELDS)))):
-        slopes, work = some.slopes(phi), 2.0 * some.work(some.strains(u)).reshape(-1, u.shape[2]).T
+        slopes = some.slopes(phi)
+        work = 2.0 * some.work(some.strains(u)).reshape(-1, u.shape[2]).T
         # The upper triangle, by strips. The strain of second order is half of what stress takes.
         for first in range(0, m, _FIELDS):
             strain = some.all_products(slopes[..., first : first + _FIELDS], slopes[..., first:])

@@ -272,7 +272,8 @@ def _frames(given: GivenModes, options: BodyOptions, model: Model, rows: IntArra
         fault = "the modes come without cells: the body cannot be divided by itself"
         raise BodyFileError(f"{fault}; give the cells, or node sets of the frames ([[frame]] tables), or frames = 1")
     if options.frames:
-        held, asked = np.flatnonzero(model.fixed.any(axis=1)), bodies.frame_requests(options, model.mesh)
+        held = np.flatnonzero(model.fixed.any(axis=1))
+        asked = bodies.frame_requests(options, model.mesh)
         return floating + on_floating_frame(requested_subdomains(model.mesh, held, asked), len(floating))
     if floating or options.levels == 0:
         return floating

@@ -196,7 +196,8 @@ def _without_unused_nodes(mesh: Mesh) -> Mesh:
     if emptied := [name for name, left in node_sets.items() if len(mesh.node_sets[name]) and not len(left)]:
         notes.append(f"node sets that hold none but such nodes are empty now: {listed(emptied)}")
     # What the file holds of such a node is zero, the rest of it is eliminated.
-    held, gone = sp.diags_array((~(mesh.fixed & ~used[:, None])).ravel().astype(float)), np.repeat(~used, 3)
+    held = sp.diags_array((~(mesh.fixed & ~used[:, None])).ravel().astype(float))
+    gone = np.repeat(~used, 3)
     both = (sp.csr_array(without(one @ held, gone)[:, ~gone]) for one in (mesh.equations, mesh.supports))
     return replace(
         mesh,

@@ -211,7 +211,8 @@ def faces_of(blocks: Sequence[ElementBlock]) -> tuple[FaceBlock, ...]:
         for width in sorted({len(face) for face in faces}):
             table = np.array([face for face in faces if len(face) == width])
             nodes = block.connectivity[:, table].reshape(-1, width)
-            corners, key = face_corners(nodes), np.full((len(nodes), 4), -1)
+            corners = face_corners(nodes)
+            key = np.full((len(nodes), 4), -1)
             key[:, :corners] = np.sort(nodes[:, :corners], axis=1)
             found.append((nodes, first + np.repeat(np.arange(len(block.labels)), len(table))))
             keys.append(key)

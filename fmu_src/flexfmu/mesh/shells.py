@@ -266,7 +266,8 @@ def _lines(mesh: Mesh, height: FloatArray, first: int) -> tuple[_Lines, tuple[El
     normals = np.concatenate([_corner_normals(mesh.points, block) for block, _ in shells])
     every = np.broadcast_to(height if height.ndim == 3 else height[:, None], (len(height), MOST_NODES, 2))
     parts = [every[at : at + len(b.labels), : b.connectivity.shape[1]].reshape(-1, 2) for b, at in shells]
-    heights, order = np.concatenate(parts), np.argsort(nodes, kind="stable")
+    heights = np.concatenate(parts)
+    order = np.argsort(nodes, kind="stable")
     line, along = np.zeros(nodes.size, dtype=np.int64), np.ones(nodes.size, dtype=bool)
     node: list[int] = []
     direction, faces = [], []

@@ -96,7 +96,8 @@ class Membrane:
     @property
     def shapeless(self) -> "Membrane":
         """The same without shapes that stay coordinates, or itself where it has none."""
-        left, rest = np.array([not any(row) for row in self.linear], bool), (self.linear, self.sign, self.stiff)
+        left = np.array([not any(row) for row in self.linear], bool)
+        rest = (self.linear, self.sign, self.stiff)
         several = [Membrane.of(b, f[left[r]], *(one[r][left[r]] for one in rest)) for b, f, r in self.groups()]
         return self if left.all() else Membrane.joined(several)
 
@@ -126,7 +127,8 @@ class Membrane:
         """
         found = []
         for basis, forms, rows in self.groups():
-            linear, own = self.linear[rows] @ turn, np.any(self.linear[rows] != 0.0, axis=1)
+            linear = self.linear[rows] @ turn
+            own = np.any(self.linear[rows] != 0.0, axis=1)
             shapes = np.divide(linear[own], stiffness, out=np.zeros_like(linear[own]), where=stiffness > 0.0)
             # What z holds of the shapes, which are of one group, made orthonormal again.
             held, axes = np.linalg.eigh(2.0 * linear[own] @ shapes.T)

@@ -105,7 +105,8 @@ def build_tree(body: ReducedBody, kinematics: Kinematics, inertia: LumpedMass | 
     if kinematics is Kinematics.SECOND_ORDER and frames:
         curvature = _curvature(body, inertia, on, offset, d, u, theta)
         curvature.reshape(2, len(on), 3, *curvature.shape[1:])[1, lumps] = 0.0
-        kept, omega = body.second.displacement if body.second else np.zeros(0), body.angular_frequency
+        kept = body.second.displacement if body.second else np.zeros(0)
+        omega = body.angular_frequency
         no_bend, bits = _NO_BEND[is_single(kept)], SECOND_BITS[is_single(kept)]
         if np.array_equal(kept, short(kept, omega, bits)):
             curvature = short(curvature, omega, bits)

@@ -449,7 +449,8 @@ def _buckled_shapes(matrices: Matrices, motion: FloatArray) -> FloatArray:
     """
     model, most = matrices.supported, _BLOCK * _ROUNDS[1]
     stress = model.unknowns.matrix(model.unknowns.in_means(gradients.stress_stiffness(matrices.model.mesh, motion)))
-    spanned, held, work = *np.zeros((2, most, model.free.size)).swapaxes(1, 2), np.zeros((most, most))
+    spanned, held = np.zeros((2, most, model.free.size)).swapaxes(1, 2)
+    work = np.zeros((most, most))
     block = model.static(np.random.default_rng(_SEED).standard_normal((model.free.size, _BLOCK)))
     force, inverse, ended = model.stiffness @ block, np.zeros(1), 0
     for number in range(1, _ROUNDS[1] + 1):

@@ -116,8 +116,8 @@ def whole_frame(model: Model, shapes: FloatArray, config: BodyOptions) -> WholeF
     body = domains.volume_weighted(mesh, mesh.volume_matrices, np.arange(mesh.element_count))
     joint = domains.section(mesh, hanging(model, config))
     every = np.arange(mesh.element_count)
-    turned, centre = domains.mean_rotation(mesh, every), joint.centre(mesh.points)
-    domain = domains.Subdomain("whole", GROUND, every, body, turned, joint, centre)
+    turned = domains.mean_rotation(mesh, every)
+    domain = domains.Subdomain("whole", GROUND, every, body, turned, joint, joint.centre(mesh.points))
     found = domains.frame_operators(mesh.points, shapes, [domain])
     operators = found.joint_displacement[0], found.joint_rotation[0], found.frame_rotation[0]
     return WholeFrame(domain.joint_point, *operators)

@@ -320,8 +320,9 @@ def _tree(mesh: Mesh, supported: IntArray, piece: IntArray, middle: FloatArray, 
         joint = section(mesh, np.intersect1d(bodies[p].nodes, beyond))
         index = GROUND if up == GROUND else position[up]
         elements = np.flatnonzero(piece == p)
-        turn, name = mean_rotation(mesh, elements), f"frame_{position[p] + 1:0{digits}d}"
-        subdomains.append(Subdomain(name, index, elements, bodies[p], turn, joint, joint.centre(mesh.points)))
+        turn = mean_rotation(mesh, elements)
+        own = bodies[p], turn, joint, joint.centre(mesh.points)
+        subdomains.append(Subdomain(f"frame_{position[p] + 1:0{digits}d}", index, elements, *own))
 
     return Division(tuple(subdomains), _open_loops(mesh, subdomains, shared[np.ix_(order, order)]))
 

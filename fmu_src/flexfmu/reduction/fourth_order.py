@@ -140,7 +140,8 @@ class FourthOrder:
         bushings = self.matrices.model.bushings
         own = 0.5 * bushings.curvature(fields)[:, pairs[:, 0], pairs[:, 1]]
         forces, energies = forces + bushings.rows.T @ own, energies + own.T @ own
-        work, answers = onto.T @ forces, self.matrices.supported.forces(forces)
+        work = onto.T @ forces
+        answers = self.matrices.supported.forces(forces)
         return 0.5 * (energies - self.released(answers, f"Static response to {count} stretches")), work, answers
 
     def third_order_work(

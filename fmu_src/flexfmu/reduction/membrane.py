@@ -230,13 +230,14 @@ class Stretching:
 
     def _membrane_of(self, forms: FloatArray, linear: FloatArray, sign: FloatArray) -> Membrane:
         """Of rows by pairs of directions (r, p), of what is linear beside them (r, e), and of signs (r,)."""
-        (first, second), wide = self._pairs.T, (self._directions * self._omega[:, None]).T
-        basis, whole = (
-            np.zeros((len(wide), self.modes.angular_frequency.size)),
-            np.zeros((len(forms), *2 * [len(wide)])),
-        )
-        whole[:, first, second], of_modes = forms, np.zeros((len(forms), basis.shape[1]))
-        whole[:, second, first], of_modes[:, self._elastic], basis[:, self._elastic] = forms, linear * self._omega, wide
+        first, second = self._pairs.T
+        wide = (self._directions * self._omega[:, None]).T
+        whole = np.zeros((len(forms), *2 * [len(wide)]))
+        whole[:, first, second] = whole[:, second, first] = forms
+        basis = np.zeros((len(wide), self.modes.angular_frequency.size))
+        basis[:, self._elastic] = wide
+        of_modes = np.zeros((len(forms), basis.shape[1]))
+        of_modes[:, self._elastic] = linear * self._omega
         return Membrane.of(basis, whole, of_modes, sign, sign)
 
     def keeping(self, membrane: Membrane, shapes: FloatArray) -> Membrane:
@@ -259,12 +260,14 @@ class Stretching:
             return membrane
         caused, found = ways @ caused[:, kept] / sizes[kept], found[kept]
         # What strains a material counts as what turns it does.
-        moved, elements = (unit @ found.T).reshape(len(mesh.points), 3, -1), np.arange(mesh.element_count)
+        moved = (unit @ found.T).reshape(len(mesh.points), 3, -1)
+        elements = np.arange(mesh.element_count)
         strained = sum(most_turned(mesh, moved, elements, np.zeros((3, 1)), np.eye(len(found)))[2])
         turned, axes = np.linalg.eigh(found @ self._spin @ found.T + strained)
         most = np.clip(int(np.sqrt(2.0 * _ALLOWED / len(unit))) - _STIFFEST, *_SOFTEST)
         axes = axes[:, -(soft := (turned > STIFF * turned[-1])[-most:].sum()) - _STIFFEST :]
-        size, motions = _TURN / np.sqrt(np.maximum(turned, STIFF * turned[-1])[-axes.shape[1] :]), axes.T @ found
+        size = _TURN / np.sqrt(np.maximum(turned, STIFF * turned[-1])[-axes.shape[1] :])
+        motions = axes.T @ found
         every = (caused @ axes * size).T.reshape(len(size), 2, -1, 3).swapaxes(1, 2).reshape(len(size), -1, 6)
         pairs = np.stack(np.triu_indices(len(size)), axis=1)
         shapes = np.sqrt(2.0) * membrane.linear[membrane.linear.any(axis=1)][:, self._elastic] / self._omega
@@ -306,14 +309,16 @@ class Stretching:
         """
         one, other = np.triu_indices(len(self.motions))
         motions = (self.motions @ self._directions).T
-        amplitudes, size = pair_products(motions[:, one], motions[:, other]), np.linalg.norm(motions, axis=0)
+        amplitudes = pair_products(motions[:, one], motions[:, other])
+        size = np.linalg.norm(motions, axis=0)
         tense = _TURN**2 * (amplitudes * (energies @ amplitudes)).sum(axis=0) > 0.5 * TENSE * size[one] * size[other]
         found = against @ amplitudes
         large = (found * (self._spin @ found)).sum(axis=0) > np.where(tense & finer, TURNING, _LARGE) ** 2
         found, unit = found[:, large], self._shapes / self._omega
         if not large.any():
             return found
-        fields, mesh = self.matrices.supported.whole(answers @ amplitudes[:, large]), self.matrices.model.mesh
+        fields = self.matrices.supported.whole(answers @ amplitudes[:, large])
+        mesh = self.matrices.model.mesh
         # How far the material turns (rms), and how far where the basis does not know of it.
         turned, missed = (np.sqrt(mean_spin(mesh, one).diagonal()) for one in (fields, fields - unit @ found))
         known = missed < _MISSED * turned

@@ -19,7 +19,8 @@ _STIFFER = 200.0
 def with_rigid_nodes(mesh: Mesh, config: BodyOptions) -> Mesh:
     """Make rigid what the mesh file says is rigid, unless the body file says otherwise, and what that adds."""
     found, rest = recognised(mesh.points, mesh.equations)
-    links, words = [*mesh.links, *found], "make a rigid body: it is rigid in large turns, too"
+    links = [*mesh.links, *found]
+    words = "make a rigid body: it is rigid in large turns, too"
     mesh = replace(mesh, equations=rest, notes=(*mesh.notes, *(f"{one.name} {words}" for one in found)))
     for interface in config.interfaces:
         nodes = node_set(mesh, interface.nodes, f"interface {interface.name!r}, nodes")

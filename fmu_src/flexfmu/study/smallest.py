@@ -50,7 +50,9 @@ def smallest(
     accepted = AcceptedTable(displacement=tolerance, rotation=min(2.0 * tolerance, 0.99))
     file = file.model_copy(update={"tolerance": ToleranceTable(static=accepted, transient=accepted)})
     workshop = Workshop(made_scene(file, scene_file or body, body), report, store, solve=False)
-    _, found = workshop.known, list[tuple[BodyFile, float]]()
+    # References are told of before the search.
+    _ = workshop.known
+    found: list[tuple[BodyFile, float]] = []
     for config in _growing(given):
         try:
             reduced = build(config.without_pictures, store).body

@@ -393,8 +393,9 @@ def _springs(model: Model, supports: Sequence[SupportNodes]) -> tuple[Model, tup
         _, rank = rigid_fit(mesh.points, fitted, fitted.centre(mesh.points))
         if rank == _RIGID_MOTIONS and not np.intersect1d(spring.nodes, model.held).size:
             name = f"springs of support[{number}] at {supports[number - 1].nodes}"
-            spring, sets[name] = replace(spring, interface=name), spring.nodes
+            sets[name] = spring.nodes
             stays[spring.nodes] = 0.0
+            spring = replace(spring, interface=name)
         found.append(spring)
     motions = free_motions(mesh.points, model.fixed | (stays > 0.0), model.bushings.unit_rows)
     return Model(replace(mesh, node_sets=sets), model.fixed, stays, motions, model.damper), tuple(found)

@@ -139,7 +139,8 @@ def element_contacts(mesh: Mesh) -> Contacts:
         rows.append(np.repeat(first + np.arange(len(members)), members.shape[1]))
         columns.append(members.ravel())
         first += len(members)
-    uses, others = nodes_of_elements(mesh), coupled_nodes(mesh.equations)
+    uses = nodes_of_elements(mesh)
+    others = coupled_nodes(mesh.equations)
     coupled = sp.csr_array(sp.eye_array(len(mesh.points))) + others
     beside = sp.triu(uses @ others @ uses.T, 1).tocoo()
     elements.append(np.stack(beside.coords, axis=1))

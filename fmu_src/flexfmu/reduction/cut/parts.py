@@ -166,8 +166,10 @@ def _decided(config: BodyOptions, matrices: Matrices, parts: list[Part]) -> tupl
     """
     mesh = matrices.model.mesh
     nodal = [fit_interface(table, mesh, ()).nodal_loads(len(mesh.points))[:, :3] for table in config.interfaces]
-    forces, elements = np.hstack(nodal), [part.elements for part in parts]
-    key, find = content_key(__name__, matrices.key, forces, *elements), FourthOrder(matrices).responses
+    forces = np.hstack(nodal)
+    elements = [part.elements for part in parts]
+    key = content_key(__name__, matrices.key, forces, *elements)
+    find = FourthOrder(matrices).responses
     gain = matrices.kept(key, "worth of cuts", lambda: np.array(turning_taken(mesh, find(forces)[0], elements)))
     begin = f"supports close a loop: frames of its {len(parts)} parts leave 1/{gain:.2g} of the turning of one frame"
     if gain < _PAYS:

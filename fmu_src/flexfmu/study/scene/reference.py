@@ -135,9 +135,8 @@ def by_default(config: BodyFile, mass: Mass | None = None, modes: int | None = N
     method = FormulationTable(method=None if mass is None else Method.SECOND_ORDER, mass=mass)
     reduction = ReductionTable() if modes is None else ReductionTable(modes=modes)
     usual: dict[str, object] = {"frames": None, "frame": [], "branch": [], "reduction": reduction}
-    plain = config.without_pictures
-    output = plain.output.model_copy(update={"error": error})
-    return plain.model_copy(update=usual | {"formulation": method, "output": output})
+    plain = config.certified if error else config.without_pictures
+    return plain.model_copy(update=usual | {"formulation": method})
 
 
 def _by_fine_model(scene: Scene, report: Reporter, store: Store) -> dict[str, Reference]:

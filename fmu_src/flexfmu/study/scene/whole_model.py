@@ -155,7 +155,8 @@ class TurningLoad:
 
     def __init__(self, interface: InterfaceFit, points: FloatArray, load: FloatArray):
         self._load = load
-        rows, arm = interface.operator.reshape(6, -1, 3), points[interface.nodes] - interface.point
+        rows = interface.operator.reshape(6, -1, 3)
+        arm = points[interface.nodes] - interface.point
         self._rows = np.einsum("ckj,il->cjikl", rows, np.eye(3)).reshape(54, -1)
         self._still = (self._rows @ arm.ravel()).reshape(6, 3, 3)
         self.columns = (3 * interface.nodes[:, None] + np.arange(3)).ravel()
@@ -177,7 +178,8 @@ class TurningLoad:
 
     def force(self, displacement: FloatArray, factor: float, derived: bool = True) -> tuple[FloatArray, FloatArray]:
         """Nodal forces (3k,) against displacements (3n,) by a part of the load, and their derivative, if asked for."""
-        sums, slopes = self._still + (self._rows @ displacement[self.columns]).reshape(6, 3, 3), np.zeros((54, 54))
+        sums = self._still + (self._rows @ displacement[self.columns]).reshape(6, 3, 3)
+        slopes = np.zeros((54, 54))
         step = _SMALL * np.abs(sums).max()
         for number, change in enumerate(step * np.eye(54 * derived, 54).reshape(-1, 6, 3, 3)):
             slopes[:, number] = (self._spread(sums + change) - self._spread(sums - change)) / (2.0 * step)
