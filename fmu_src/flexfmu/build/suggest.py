@@ -15,9 +15,9 @@ from ..files.basics import FloatArray, IntArray, MeshError, SheetError, UnitsErr
 from ..files.toml_files import toml_value
 from ..mesh.checks import connected_parts, is_likely, linked_pieces, nodes_of_elements
 from ..mesh.formats import read_mesh
-from ..mesh.model import NO_MATERIAL, Mesh
+from ..mesh.model import Mesh
 from ..model.summary import point as point_words
-from ..reduction.model import KEYS, missing
+from ..reduction.model import KEYS, elements_without_material, missing
 from ..reduction.options import MISS, Nodes, Place, node_set
 from ..reduction.subdomains import elements_within
 from ..reduction.surface import face_edges, face_normals, surface_nodes
@@ -180,7 +180,7 @@ def mesh_lines(mesh: Mesh, units: UnitSystem) -> list[str]:
     size = " × ".join(f"{side:.4g}" for side in np.ptp(mesh.points, axis=0))
     kinds = ", ".join(f"{len(block.labels)} {block.type.name}" for block in mesh.blocks)
     lines = [f"{len(mesh.points)} nodes, elements: {kinds}; {size} {unit}"]
-    bare = sum(int(np.sum(block.material == NO_MATERIAL)) for block in mesh.blocks)
+    bare = elements_without_material(mesh)
     for material in mesh.materials:
         lacking = missing(material)
         lines.append(f"material {material.name}" + (f": lacks {', '.join(lacking)}" if lacking else ""))
@@ -334,7 +334,7 @@ def starting_body_file(mesh: Mesh, file: Path, units: UnitSystem, thickness: flo
     others = ", ".join(one.value for one in UnitSystem if one is not units)
     lines.append(f'units = "{units.value}"   # of the mesh; or: {others}')
     lines += ["", "[[shell]]   # the mesh file does not tell", f"thickness = {thickness:g}"] if thickness else []
-    bare = any((block.material == NO_MATERIAL).any() for block in mesh.blocks)
+    bare = elements_without_material(mesh)
     lacking = [key for key in KEYS if bare or any(key in missing(material) for material in mesh.materials)]
     if lacking:
         steel = {"youngs_modulus": 2.1e11 / units.stress, "poissons_ratio": 0.3, "density": 7850.0 / units.density}

@@ -143,10 +143,8 @@ class GivenModes:
         rows = [np.where(b.material == NO_MATERIAL, len(mesh.materials), b.material) for b in mesh.blocks]
         blocks = tuple(replace(block, material=row) for block, row in zip(mesh.blocks, rows, strict=True))
         mass = mass_matrix(replace(mesh, materials=materials, blocks=blocks))
-        cells: dict[str, list[IntArray]] = {}
-        for block in mesh.blocks:
-            cells.setdefault(block.type.shape.name, []).append(block.connectivity)
-        every = {name: np.concatenate(parts) for name, parts in cells.items()}
+        cells = [(block.type.shape.name, block.connectivity) for block in mesh.blocks]
+        every = {name: np.concatenate([own for kind, own in cells if kind == name]) for name, _ in cells}
         return cls(mesh.points, np.asarray(modes, dtype=float)[:, there], frequency, mass, mesh.node_sets, every)
 
     def __repr__(self) -> str:

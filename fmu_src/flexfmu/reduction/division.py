@@ -21,7 +21,7 @@ from ..mesh.equations import coupled_nodes
 from ..mesh.model import Mesh, once
 from ..model.reduced_body import GROUND
 from ..model.summary import point
-from .subdomains import Subdomain, mean_rotation, section, volume_weighted
+from .subdomains import Subdomain, first_of, mean_rotation, section, volume_weighted
 
 # A piece that reaches along the body for less than this share of a level is a sliver: it would bend too little to
 # be worth a frame.
@@ -341,9 +341,7 @@ def open_loops(mesh: Mesh, subdomains: Sequence[Subdomain]) -> tuple[str, ...]:
     """
     count = len(subdomains)
     # What lies in no frame is a piece more, of which nothing is said.
-    piece = np.full(mesh.element_count, count)
-    for s in reversed(range(count)):
-        piece[subdomains[s].elements] = s
+    piece = first_of([domain.elements for domain in subdomains], mesh.element_count, count)
     return _open_loops(mesh, subdomains, _shared(piece, linked(mesh), count + 1)[:count, :count])
 
 

@@ -438,10 +438,16 @@ def element_owner(mesh: Mesh, subdomains: Sequence[Subdomain]) -> IntArray:
     (e,) int
         `GROUND` for elements that no frame carries.
     """
-    owner = np.full(mesh.element_count, 0 if (bool(subdomains) and subdomains[0].floating) else GROUND)
-    for s, domain in reversed(list(enumerate(subdomains))):
-        owner[domain.elements] = s
-    return owner
+    floating = bool(subdomains) and subdomains[0].floating
+    return first_of([domain.elements for domain in subdomains], mesh.element_count, 0 if floating else GROUND)
+
+
+def first_of(sets: Sequence[IntArray], count: int, otherwise: int = -1) -> IntArray:
+    """Which of several sets holds each of `count` nodes or elements, the first that does."""
+    number = np.full(count, otherwise)
+    for k in reversed(range(len(sets))):
+        number[sets[k]] = k
+    return number
 
 
 def carrying_frame(subdomains: Sequence[Subdomain], nodes: IntArray) -> int:

@@ -13,7 +13,7 @@ from ..model.reduced_body import GROUND, Surface
 from .basis import Matrices
 from .fourth_order import pair_products
 from .modes import Modes
-from .subdomains import Subdomain
+from .subdomains import Subdomain, first_of
 
 # Directions in the modal coordinates whose pairs are kept: 300 pairs, as many static responses.
 _DIRECTIONS = 24
@@ -58,22 +58,9 @@ def face_edges(faces: IntArray) -> tuple[IntArray, IntArray]:
 
 def carrying_frames(count: int, subdomains: Sequence[Subdomain]) -> IntArray:
     """The frame that carries each of `count` nodes, or `GROUND`."""
-    frame = np.full(count, GROUND)
-    # Last to first: a floating frame, the first, would take everything.
-    own = [s for s, domain in enumerate(subdomains) if not domain.floating]
-    if len(own) < len(subdomains):
-        frame[:] = 0
-    for s in reversed(own):
-        frame[subdomains[s].body.nodes] = s
-    return frame
-
-
-def set_numbers(count: int, sets: Sequence[IntArray]) -> IntArray:
-    """Which of several node sets holds each of `count` nodes, the first that does, or −1."""
-    number = np.full(count, -1)
-    for k in reversed(range(len(sets))):
-        number[sets[k]] = k
-    return number
+    # A floating frame, the first, would take everything: it has what is left.
+    own = [domain.body.nodes[: 0 if domain.floating else None] for domain in subdomains]
+    return first_of(own, count, 0 if any(domain.floating for domain in subdomains) else GROUND)
 
 
 def body_surface(
@@ -113,8 +100,8 @@ def body_surface(
         corners,
         shapes.reshape(count, 3, -1)[nodes],
         carrying_frames(count, subdomains)[nodes],
-        set_numbers(count, interfaces)[nodes],
-        set_numbers(count, [held])[nodes] + 1,
+        first_of(interfaces, count)[nodes],
+        first_of([held], count)[nodes] + 1,
         None if fields is None else fields.reshape(nodes.size, 3, -1),
         forms,
         stress=nodal_stress(mesh, nodes, shapes) if stress else None,

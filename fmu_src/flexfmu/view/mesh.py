@@ -16,8 +16,8 @@ from ..reduction.cut.cut import cut_parts, part_configs
 from ..reduction.cut.parts import cut_loops
 from ..reduction.model import Model
 from ..reduction.options import PLACED, BodyOptions, node_set, support_places
-from ..reduction.subdomains import Subdomain
-from ..reduction.surface import carrying_frames, set_numbers, surface_nodes
+from ..reduction.subdomains import Subdomain, first_of
+from ..reduction.surface import carrying_frames, surface_nodes
 from .model import Mark, Region, View
 from .motions import FRAMES, INTERFACES, support_marks
 
@@ -58,7 +58,7 @@ def model_view(options: BodyOptions, model: Model, report: Reporter) -> View:
     held = np.flatnonzero((model.fixed | model.sprung).any(axis=1))
     sets = [*(interface.nodes for interface in interfaces), held]
     titles = (*(interface.name for interface in interfaces), "supports")
-    numbered.append(Region(INTERFACES, titles, set_numbers(count, sets)))
+    numbered.append(Region(INTERFACES, titles, first_of(sets, count)))
     supports, points, springs = support_places(mesh, options.supports)
     marks = [Mark("interface", interface.name) for interface in interfaces] + support_marks(supports, springs)
     places = [*(interface.point for interface in interfaces), *points]

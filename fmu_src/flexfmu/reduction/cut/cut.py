@@ -235,8 +235,7 @@ def _on_its_side(before: Mesh, after: Mesh, members: IntArray, copy: IntArray) -
     if not doubled.size:
         return members
     used = np.zeros(len(after.points), dtype=bool)
-    for old, new in zip(before.blocks, after.blocks, strict=True):
-        used[new.connectivity[np.isin(old.connectivity, members).all(axis=1)]] = True
+    used[nodes_of_elements(after)[elements_within(before, members)].indices] = True
     either = used[doubled] | used[copy[doubled]]
     single = members[copy[members] == members]
     kept = [single, doubled[used[doubled] | ~either], copy[doubled][used[copy[doubled]] | ~either]]

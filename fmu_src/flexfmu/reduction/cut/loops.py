@@ -232,11 +232,8 @@ def _sides_hang_together(contacts: Contacts, side: IntArray) -> bool:
 
 def straddled(mesh: Mesh, side: IntArray, sets: Sequence[IntArray]) -> bool:
     """Whether one of some node sets has nodes on both sides."""
-    touched = np.zeros((2, len(mesh.points)), dtype=bool)
-    for block, own in zip(mesh.blocks, mesh.split(side), strict=True):
-        for one in (0, 1):
-            touched[one, block.connectivity[own == one]] = True
-    return any(touched[0, members].any() and touched[1, members].any() for members in sets)
+    touched = [nodes_of_elements(mesh).T @ (side == one) > 0.0 for one in (0, 1)]
+    return any(touched[0][members].any() and touched[1][members].any() for members in sets)
 
 
 # A level is as deep as this share of all elements, and the body has no more of them than this.
