@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from ..fe.assembly import select
 from ..files.basics import FloatArray, IntArray, MeshError, SheetError, UnitsError, UnitSystem
 from ..files.toml_files import toml_value
-from ..mesh.checks import connected_parts, is_likely, linked_pieces, nodes_of_elements
+from ..mesh.checks import connected_parts, is_likely, linked_pieces, node_groups
 from ..mesh.formats import read_mesh
 from ..mesh.model import Mesh
 from ..model.summary import point as point_words
@@ -400,8 +399,7 @@ def _round_ends(mesh: Mesh) -> _Ends:
     depth, along, found = _DEEP * (high[axis] - low[axis]), mesh.points[:, axis], []
     for end, near in (("min", along < low[axis] + depth), ("max", along > high[axis] - depth)):
         rows = np.flatnonzero(near)
-        touched = nodes_of_elements(mesh)[:, rows]
-        tip = connected_components(touched.T @ touched, directed=False)[1]
+        tip = node_groups(mesh, rows)
         points = mesh.points[rows[tip == np.bincount(tip).argmax()]]
         box = [(points.min(axis=0) - _MARGIN * depth), (points.max(axis=0) + _MARGIN * depth)]
         found.append((f"{_AXES[axis]}_{end}", toml_value({"box": [corner.round(9).tolist() for corner in box]})))

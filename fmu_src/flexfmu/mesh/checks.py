@@ -141,6 +141,12 @@ def connected_parts(mesh: Mesh) -> IntArray:
     return numbered.astype(np.int64)
 
 
+def node_groups(mesh: Mesh, nodes: IntArray) -> IntArray:
+    """Number (k,) of the group of each of some nodes (k,), of which elements have several."""
+    uses = nodes_of_elements(mesh)[:, nodes]
+    return np.asarray(sp.csgraph.connected_components(uses.T @ uses, directed=False)[1], dtype=np.int64)
+
+
 def linked_pieces(pairs: IntArray, count: int) -> IntArray:
     """Number (count,) of the connected piece of each of some things, by pairs (k, 2) that hang together."""
     graph = sp.coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))

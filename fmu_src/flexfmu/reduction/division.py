@@ -197,15 +197,14 @@ def neighbours(points: FloatArray, faces: tuple[FaceBlock, ...], elements: int) 
         inner = block.beyond >= 0
         rows.append(block.element[inner])
         columns.append(block.beyond[inner])
-        areas.append(_corner_areas(points[block.nodes[inner, : block.corner_count]]))
+        areas.append(np.linalg.norm(corner_areas(points[block.nodes[inner, : block.corner_count]]), axis=1))
     r, c, area = np.concatenate(rows), np.concatenate(columns), np.concatenate(areas)
     return sp.csr_array(sp.coo_array((np.r_[area, area], (np.r_[r, c], np.r_[c, r])), shape=(elements, elements)))
 
 
-def _corner_areas(at: FloatArray) -> FloatArray:
-    """Areas (f,) between corners (f, 3 or 4, 3): of a triangle by two edges, of a quadrilateral by its diagonals."""
-    edges = np.cross(at[:, 2] - at[:, 0], at[:, -1] - at[:, 1] if at.shape[1] == 4 else at[:, 1] - at[:, 0])
-    return 0.5 * np.linalg.norm(edges, axis=1)
+def corner_areas(at: FloatArray) -> FloatArray:
+    """Areas (f, 3) between corners (f, 3 or 4, 3): of a triangle by two edges, of a quadrilateral by its diagonals."""
+    return 0.5 * np.cross(at[:, 2] - at[:, 0], at[:, -1] - at[:, 1] if at.shape[1] == 4 else at[:, 1] - at[:, 0])
 
 
 @once
@@ -228,7 +227,7 @@ def linked(mesh: Mesh) -> sp.csr_array:
     parts = [sp.csr_array(shape)]
     for block in mesh.faces:
         nodes, element = block.nodes[block.outer], block.element[block.outer]
-        area = _corner_areas(mesh.points[nodes[:, : block.corner_count]])
+        area = np.linalg.norm(corner_areas(mesh.points[nodes[:, : block.corner_count]]), axis=1)
         share = inside[nodes] * area[:, None] / nodes.shape[1]
         owner = np.broadcast_to(element[:, None], nodes.shape)
         parts.append(sp.csr_array(sp.coo_array((share.ravel(), (owner.ravel(), nodes.ravel())), shape=shape)))

@@ -19,10 +19,10 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ...files.basics import BoolArray, FloatArray, IntArray
-from ...mesh.checks import linked_pieces, nodes_of_elements
+from ...mesh.checks import linked_pieces, node_groups, nodes_of_elements
 from ...mesh.equations import coupled_nodes
 from ...mesh.model import Mesh
-from ..division import distance_along
+from ..division import corner_areas, distance_along
 
 T = TypeVar("T")
 SLENDER = 0.25
@@ -87,7 +87,7 @@ def loop_sections(mesh: Mesh, anchored: IntArray, clear: Mapping[str, IntArray])
     list of LoopSection
         By place; empty if one support holds the body, or no slender section separates two of them.
     """
-    group = support_groups(mesh, anchored)
+    group = node_groups(mesh, anchored)
     if int(group.max(initial=0)) < 1:
         return []
     search = _Search.of(mesh, anchored, clear)
@@ -108,18 +108,6 @@ def loop_sections(mesh: Mesh, anchored: IntArray, clear: Mapping[str, IntArray])
     return []
 
 
-def support_groups(mesh: Mesh, nodes: IntArray) -> IntArray:
-    """Number (k,) of the connected group of each of some nodes (k,)."""
-    place = np.full(len(mesh.points), -1)
-    place[nodes] = np.arange(nodes.size)
-    pairs = []
-    for block in mesh.blocks:
-        inside = place[block.connectivity]
-        for a, b in zip(*np.triu_indices(inside.shape[1], 1), strict=True):
-            pairs.append(inside[(inside[:, a] >= 0) & (inside[:, b] >= 0)][:, [a, b]])
-    return linked_pieces(np.concatenate(pairs), nodes.size)
-
-
 def element_contacts(mesh: Mesh) -> Contacts:
     """The faces inside a body."""
     centre = mesh.element_means(mesh.points)
@@ -131,9 +119,7 @@ def element_contacts(mesh: Mesh) -> Contacts:
             continue
         members = block.nodes[inner]
         pair = np.stack([block.element[inner], block.beyond[inner]], axis=1)
-        at = mesh.points[members[:, : block.corner_count]]
-        edge = at[:, -1] - at[:, 1] if block.corner_count == 4 else at[:, 1] - at[:, 0]
-        area = 0.5 * np.cross(at[:, 2] - at[:, 0], edge)
+        area = corner_areas(mesh.points[members[:, : block.corner_count]])
         areas.append(area * np.sign(np.einsum("fi,fi->f", area, centre[pair[:, 1]] - centre[pair[:, 0]]))[:, None])
         elements.append(pair)
         rows.append(np.repeat(first + np.arange(len(members)), members.shape[1]))

@@ -12,6 +12,7 @@ from ...fe.gradients import mean_spin
 from ...files.basics import BodyFileError, FloatArray, IntArray, plural
 from ...files.outputs import Reporter
 from ...files.store import Store, content_key
+from ...mesh.checks import node_groups
 from ...mesh.model import Mesh
 from ...model.reduced_body import ReducedBody, Shadow
 from ..basis import Matrices
@@ -25,7 +26,7 @@ from ..piece import Reduced, reduced_piece
 from ..subdomains import mean_rotation
 from .cut import SIDES, Part, cut_at, cut_parts, interface_sets, on_section, part_configs, section_tractions, side_set
 from .joining import Weld, join_parts, joined_membrane
-from .loops import LoopSection, inner_sections, loop_sections, support_groups
+from .loops import LoopSection, inner_sections, loop_sections
 
 # How much of the turning (mean square) frames of the parts have to take away to cut at once: a twist-beam axle has 9 to
 # 12, a beam held at both ends and an arch 5, three curved arms at a hub 6.4. Of others the error in one piece decides.
@@ -144,7 +145,7 @@ def _rolls(model: Model) -> bool:
 
 def _closes_loops(model: Model) -> bool:
     """Whether several supports, and not too many, hold a body that cannot move."""
-    return not model.rigid.shape[1] and 1 <= support_groups(model.mesh, model.held).max(initial=0) < _MOST_SUPPORTS
+    return not model.rigid.shape[1] and 1 <= node_groups(model.mesh, model.held).max(initial=0) < _MOST_SUPPORTS
 
 
 def _parts(config: BodyOptions, model: Model) -> list[Part]:
