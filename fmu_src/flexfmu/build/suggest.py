@@ -215,16 +215,13 @@ def mass_lines(mesh: Mesh) -> list[str]:
     -------
     list of str
     """
-    total, volume, moment = 0.0, 0.0, np.zeros(3)
     density = np.array([*(material.density for material in mesh.materials), np.nan])
     weighed = not any(np.isnan(density[block.material]).any() for block in mesh.blocks)
-    for block, matrices in zip(mesh.blocks, mesh.volume_matrices, strict=True):
-        nodal = matrices.sum(axis=2)
-        volume += float(nodal.sum())
-        weight = nodal * density[block.material][:, None] if weighed else nodal
-        total += float(weight.sum())
-        moment += np.einsum("ea,eai->i", weight, mesh.points[block.connectivity])
-    lines = [f"volume {volume:.5g} m³"]
+    weights = [matrices.sum(axis=2) for matrices in (mesh.mass_matrices if weighed else mesh.volume_matrices)]
+    pairs = zip(mesh.blocks, weights, strict=True)
+    total = sum(float(weight.sum()) for weight in weights)
+    moment = sum(np.einsum("ea,eai->i", weight, mesh.points[block.connectivity]) for block, weight in pairs)
+    lines = [f"volume {mesh.volumes.sum():.5g} m³"]
     if weighed:
         at_points = sum(one.mass for one in mesh.masses)
         total += at_points
