@@ -366,6 +366,21 @@ def test_an_interface_off_its_nodes_knows_its_error():
     assert model.error(state, loads).relative == pytest.approx(true, rel=0.2)
 
 
+def test_four_nodes_that_dent_under_a_long_lever_are_right_to_second_order():
+    """What they do is local, and its products were left out: 1.3 % off, of which 0.25 was told."""
+    mesh = box(ElementType.C3D20R, (8, 2, 2), (8.0, 1.0, 1.0))
+    x, y, z = mesh.points.T
+    places = {"face": (0.0, 0.5, 1.0), "corner": (0.5, 1.0)}
+    ends = {name: np.flatnonzero((x == 8.0) & np.isin(y, own) & np.isin(z, own)) for name, own in places.items()}
+    root = {name: Interface(nodes, point=(0.0, 0.0, 0.0)) for name, nodes in ends.items()}
+    body = Body(mesh, supports=["ROOT"], interfaces=root, name="far")
+    model, loads = body.build(surface=False), {"face": (0.0, 0.0, 0.0), "corner": (-6.9e6, 3.83e7, 3.83e7)}
+    state = model.static(loads)
+    true = true_error(body, model, state, loads)
+    assert true < 3e-3
+    assert model.error(state, loads).relative > true
+
+
 def lip():
     """A rubber lip on a strip of steel, to be pulled along at a corner of its edge."""
     across, up, cells = (-4e-3, -1.2e-3, 1.2e-3, 4e-3), (-0.012, -0.008, -0.004, 0.0, 0.0012), grid(8, 3, 4)

@@ -389,15 +389,16 @@ def _second_order(divided: _Divided, basis: _Basis, lump_centres: list[Centre]) 
     what = subdomains, turned, divided.interfaces, centres, nodes, modes.angular_frequency
     readings = node_readings(mesh.points, modes.shapes, *what)
     matrices, floating = basis.matrices, any(domain.floating for domain in subdomains)
+    joined = divided.cut or bool(divided.model.sprung.any())
 
     def make() -> dict[str, FloatArray]:
         with matrices.report.stage(f"Find where {len(readings)} places go at second order"):
             answers = basis.stretching(divided).answers(basis.stretched)
-            found = second_order(matrices, modes, floating, readings, answers)
+            found = second_order(matrices, modes, floating, joined, readings, answers)
         return {"displacement": found.displacement, "rotation": found.rotation}
 
     parts = [part for reading in readings for part in reading.parts]
-    key = content_key(__name__, "second order", basis.key, floating, basis.stretched, *parts)
+    key = content_key(__name__, "second order", basis.key, floating, joined, basis.stretched, *parts)
     every = SecondOrder(**matrices.store.arrays(key, "places at second order", matrices.report, make))
     last = len(every.displacement) - 2 * len(nodes)
     lumped = np.arange(last - len(lump_centres), last)

@@ -193,7 +193,8 @@ def _warping(points: FloatArray, shapes: FloatArray, domain: Subdomain, angle: F
 def _local(mesh: Mesh, shapes: FloatArray, rates: FloatArray, rotation: FloatArray) -> BoolArray:
     """Coordinates (m,) that turn nodes at second order nearly as they do material at first, where soft ones bend far.
 
-    They are stiff, and bend some small section. Forces hardly move them, but joints would close by their squares.
+    They are stiff, and bend some small section. Forces hardly move them, but joints would close by their squares. Where
+    nothing is joined they count: four nodes dent under a force on a long lever.
     """
     scale = np.where(rates > 0.0, rates, np.inf)
     turned = np.sqrt(own_spin(mesh, shapes)) / scale
@@ -202,8 +203,9 @@ def _local(mesh: Mesh, shapes: FloatArray, rates: FloatArray, rotation: FloatArr
 
 
 def second_order(
-    matrices: Matrices, modes: Modes, floating: bool, readings: Sequence[NodeReading], answers: FloatArray | None = None
-) -> SecondOrder:
+    matrices: Matrices, modes: Modes, floating: bool, joined: bool, readings: Sequence[NodeReading],
+    answers: FloatArray | None = None,
+) -> SecondOrder:  # fmt: skip
     """Second derivatives (18) of the motions of the tree's nodes.
 
     Parameters
@@ -212,6 +214,8 @@ def second_order(
     modes : Modes
     floating : bool
         Whether motions are to be seen from the floating frame, which makes the rigid motions.
+    joined : bool
+        Whether joints hold the body, which local coordinates would close by their squares.
     readings : sequence of NodeReading
         One for each node of the tree, in its order; the first of a frame.
     answers : (3n, p) float, optional
@@ -222,9 +226,8 @@ def second_order(
     SecondOrder
     """
     mesh, bushings, model = matrices.model.mesh, matrices.model.bushings, matrices.supported
-    rigid, count = np.flatnonzero(modes.angular_frequency == 0.0), modes.shapes.shape[1]
-    elastic = modes.shapes.copy()
-    elastic[:, rigid] = 0.0
+    bending, count = modes.angular_frequency > 0.0, modes.shapes.shape[1]
+    elastic = modes.shapes * bending
     motion = np.zeros((len(readings), 2, 3, count, count))
     if answers is None:
         loads = np.hstack([reading.loads(len(mesh.points)) for reading in readings])
@@ -233,30 +236,28 @@ def second_order(
         own = np.tensordot((bushings.rows @ fields).T, bushings.curvature(elastic), axes=1)
         motion -= (geometric_stiffness(mesh, fields, elastic) + own).reshape(motion.shape)
     else:
-        own = np.flatnonzero(modes.angular_frequency > 0.0)
+        own = np.flatnonzero(bending)
         first, second = own[np.array(np.triu_indices(own.size))]
         read = -2.0 * np.array([[reading.moved(answers), reading.turn.of(answers)] for reading in readings])
         motion[..., first, second] = motion[..., second, first] = read
     displacement, rotation = motion[:, 0], motion[:, 1]
     angles = np.array([reading.angle for reading in readings])
-    bent = angles.copy()
-    bent[:, :, rigid] = 0.0
+    bent = angles * bending
     for k, reading in enumerate(readings):
         # What is left of the section's rotation once the frame's own turn in it is undone: exp(θ_s) exp(θ_X − θ_s).
         inside = np.zeros((3, count)) if reading.inside is None else reading.inside
         rotation[k] -= 0.5 * product(bent[k], inside)
         rotation[k] += reading.turned_back(mesh.points, elastic, bent[k] + inside)
         displacement[k] += reading.carried(mesh.points, elastic)
-    tame = ~_local(mesh, elastic, modes.angular_frequency, rotation)
-    motion *= tame[:, None] | tame
-    if rigid.size and not floating:
-        reference = np.zeros((3, count))
-        reference[:, rigid] = angles[0][:, rigid]
+    if joined:
+        tame = ~_local(mesh, elastic, modes.angular_frequency, rotation)
+        motion *= tame[:, None] | tame
+    if not bending.all() and not floating:
         arm = np.array([reading.point - readings[0].point for reading in readings])
         # On rollers elastic modes move the joint as well, along the ground.
         change = np.array([reading.moved(elastic) - readings[0].moved(elastic) for reading in readings])
         # Ends on the ground stay where they are.
         on_body = np.array([reading.nodes.size > 0 for reading in readings])
-        seen = from_ground((displacement, rotation), reference, arm, change, angles)
+        seen = from_ground((displacement, rotation), angles[0] * ~bending, arm, change, angles)
         displacement, rotation = (part * on_body[:, None, None, None] for part in seen)
     return SecondOrder(displacement, rotation)
