@@ -352,16 +352,16 @@ def distant_points(mesh: Mesh, options: BodyOptions) -> list[str]:
     list of str
     """
     length, name = options.units.length, options.units.length_name
-    (low, high), found = _box(mesh.points), []
-    size = float(np.max(high - low))
+    found = []
+    size = float(np.ptp(mesh.points, axis=0).max())
     for table in options.interfaces:
         if table.point is None:
             continue
         point = np.array(table.point)
-        own = _box(mesh.points[node_set(mesh, table.nodes, f"interface {table.name!r}")])
+        own = mesh.points[node_set(mesh, table.nodes, f"interface {table.name!r}")]
         longer = [other for other in UnitSystem if other.length > length]
-        meant = [o.length_name for o in longer if _off(point, *own) > _off(point * (o.length / length), *own) == 0.0]
-        away = _off(point, low, high)
+        meant = [o.length_name for o in longer if _off(point, own) > _off(point * (o.length / length), own) == 0.0]
+        away = _off(point, mesh.points)
         words = f"{away / length:.4g} {name} outside the body, which measures {size / length:.4g} {name}"
         if meant:
             words = f"off its nodes, and among them if it were in {meant[0]}"
@@ -372,13 +372,9 @@ def distant_points(mesh: Mesh, options: BodyOptions) -> list[str]:
     return found
 
 
-def _box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return points.min(axis=0), points.max(axis=0)
-
-
-def _off(point: FloatArray, low: FloatArray, high: FloatArray) -> float:
-    """How far a point lies outside a box."""
-    return float(np.linalg.norm(np.clip(point, low, high) - point))
+def _off(point: FloatArray, points: FloatArray) -> float:
+    """How far a point lies outside the box of others."""
+    return float(np.linalg.norm(np.clip(point, points.min(axis=0), points.max(axis=0)) - point))
 
 
 def _provenance(config: BodySpec, mesh: Mesh, origin: Mapping[str, str]) -> dict[str, str]:

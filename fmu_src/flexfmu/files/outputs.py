@@ -355,7 +355,7 @@ def page_text(package: str | None, title: str, content: object, *scripts: str) -
     return template.replace("@LIVE@", "".join(more)).replace("@TITLE@", escape(title)).replace("@DATA@", text)
 
 
-def fields_of(value: object) -> dict[str, object]:
+def fields_of(value: object) -> dict[str, Any]:
     """Fields of a dataclass by name, to which others may be added."""
     return {field.name: getattr(value, field.name) for field in fields(value)}  # type: ignore[arg-type]
 

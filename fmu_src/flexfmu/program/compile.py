@@ -14,7 +14,7 @@ import numpy as np
 from ..core.interface import DESCRIPTION, shared, symbols
 from ..core.library import Core
 from ..files.basics import FloatArray, ModalFileError, OptionError
-from ..model.arrays import short
+from ..model.arrays import short, triangles
 from ..model.methods import Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, has_frames, masses_of, recipe_of
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.variants import chosen, offered, with_fixed_interfaces, with_frame_layout
@@ -103,11 +103,10 @@ def second_opinion(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
     parts = np.array([change, change - own])[..., elastic, elastic] / (omega[:, None] * omega)
     # Of methods that know of no loads both are the same array, which an FMU then has once.
     judged, missed = short(0.5 * (parts + parts.swapaxes(-1, -2)), np.ones(count), _BITS)
-    triangle = np.tril_indices(count)
-    draft.sizes |= {"judged": 1, "judged_pairs": triangle[0].size}
+    draft.sizes |= {"judged": 1, "judged_pairs": count * (count + 1) // 2}
     draft.arrays |= {
-        "judge_change": judged[:, *triangle],
-        "judge_missed": missed[:, *triangle],
+        "judge_change": triangles(judged),
+        "judge_missed": triangles(missed),
         "judge_bound": np.linalg.norm(judged, 2, (1, 2)),
         "judge_missed_bound": np.linalg.norm(missed, 2, (1, 2)),
     }

@@ -1,13 +1,14 @@
 """Frames and interfaces that a body file asks for, bodies made of them, and the options of their shadows."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..fe.assembly import area_matrix, select
 from ..files.basics import MOST_FRAMES, BodyFileError, FloatArray, IntArray
+from ..files.outputs import fields_of
 from ..mesh.model import Mesh
 from ..model.methods import Data, Method, Variant
 from ..model.reduced_body import GROUND, ReducedBody, WholeFrame
@@ -253,7 +254,7 @@ def motion_of_tree(
         "frame_names": tuple(domain.name for domain in subdomains),
         "frame_parent": np.array([domain.parent for domain in subdomains], dtype=np.int64),
         "joint_point": np.array([domain.joint_point for domain in subdomains]),
-        **{field.name: getattr(frames, field.name) for field in fields(frames)},
+        **fields_of(frames),
         "floating": any(domain.floating for domain in subdomains),
     }
 
@@ -297,7 +298,7 @@ def made_body(use: BodyUse, **given: Any) -> ReducedBody:
 
 def used_body(body: ReducedBody, use: BodyUse) -> ReducedBody:
     """The body with another use; parameters as of `made_body`."""
-    given = {field.name: getattr(use, field.name) for field in fields(use)}
+    given = fields_of(use)
     variant, damping = given.pop("variant"), given.pop("damping")
     given |= {"method": variant.method, "mass": variant.mass, "provenance": dict(use.provenance)}
     return replace(body, damping_ratio=_damping(damping, body.angular_frequency, body.rigid_count), **given)

@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from ..fe.assembly import Unknowns
 from ..fe.factorisation import Factorisation
 from ..files.basics import FloatArray, IntArray
+from ..files.outputs import fields_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,5 +131,4 @@ def supported(matrices: Eliminated, motions: FloatArray, tell: Callable[[str], N
         kept = np.delete(kept, pivots[: rigid.shape[1]])
     # A copy of a large matrix counts beside its factors.
     factor = Factorisation(k[kept][:, kept] if rigid.shape[1] else k, free[kept] // 3, tell=tell)
-    held_back = matrices.unknowns, matrices.inertia, matrices.whole_stiffness
-    return Supported(k, m, *held_back, factor, np.ascontiguousarray(rigid), kept)
+    return Supported(**fields_of(matrices), factor=factor, rigid=np.ascontiguousarray(rigid), kept=kept)

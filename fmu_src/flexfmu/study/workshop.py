@@ -122,11 +122,9 @@ def subset(body: ReducedBody, basis: BasisChoice, count: int) -> ReducedBody:
         return in_subspace(body, np.eye(body.mode_count)[:, :kept], body.angular_frequency[:kept])
     phi = normal_shapes(body, basis)[:, :count]
     squares = body.angular_frequency**2
-    elastic = squares > 0.0
     # Work of unit loads, one column a load: what residual flexibility and constraint modes answer.
     work = np.concatenate([body.interface_displacement, body.interface_rotation], axis=1).reshape(-1, body.mode_count).T
-    statics = np.zeros_like(work)
-    statics[elastic] = work[elastic] / squares[elastic, None]
+    statics = np.divide(work, squares[:, None], out=np.zeros_like(work), where=squares[:, None] > 0.0)
     energy = np.einsum("ij,i,ij->j", statics, squares, statics)
     statics = statics[:, energy > 0.0] / np.sqrt(energy[energy > 0.0])
     stiff = squares[:, None]
