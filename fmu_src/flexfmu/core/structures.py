@@ -71,7 +71,5 @@ class Arrays:
 
     def filled(self, kind: Any, /, **values: Any) -> Any:
         """A structure of a kind; where a member points to numbers, its value is an array of them."""
-        for name, element in kind.elements.items():
-            if name in values:
-                values[name] = self.at(values[name], element)
-        return kind(**values)
+        pointed = {name: self.at(values[name], kind.elements[name]) for name in values.keys() & kind.elements}
+        return kind(**values | pointed)

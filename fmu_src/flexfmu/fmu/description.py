@@ -76,8 +76,7 @@ def model_description(body: ReducedBody, guid: str, runtime: Runtime = Runtime.N
             SubElement(files, "File", name=path.name)
     describe_run(root, body, table)
     variables = SubElement(root, "ModelVariables")
-    for reference, variable in enumerate(table):
-        variables.append(_scalar_variable(reference, variable))
+    variables.extend(_scalar_variable(reference, variable) for reference, variable in enumerate(table))
     _structure(SubElement(root, "ModelStructure"), table)
     return as_file(root)
 
@@ -221,8 +220,7 @@ def _description(body: ReducedBody, token: str, table: Sequence[Variable]) -> by
     variables, structure = SubElement(root, "ModelVariables"), Element("ModelStructure")
     time = {"name": "time", "description": "time", "causality": "independent", "variability": "continuous"}
     SubElement(variables, "Float64", time, valueReference=str(len(table)))
-    for reference, (variable, count) in arrays(table).items():
-        variables.append(_variable(reference, variable, count))
+    variables.extend(_variable(reference, *one) for reference, one in arrays(table).items())
     outputs = [reference for reference, (one, _) in arrays(table).items() if one.causality == "output"]
     # As in FMI 2.0: outputs follow from the state alone, at the start from every load and parameter.
     for reference in outputs:
@@ -235,8 +233,7 @@ def _description(body: ReducedBody, token: str, table: Sequence[Variable]) -> by
 
 def _variable(reference: int, variable: Variable, count: int) -> Element:
     element = _declared(_TYPES.get(variable.type, variable.type), reference, variable)
-    for name, value in quantity(variable).items():
-        element.set(name, value)
+    element.attrib.update(quantity(variable))
     if count > 1:
         SubElement(element, "Dimension", start=str(count))
     if variable.type == "String":
