@@ -40,16 +40,11 @@ _WARPS = 0.08
 
 
 @dataclass(frozen=True, slots=True)
-class NodeReading:
-    """How the motion of a node of the tree is read off displacements.
+class NodeReading(Centre):
+    """How the motion of a node of the tree is read off displacements: of a point like a centre of mass, and its turn.
 
     Attributes
     ----------
-    point : (3,) float
-        m.
-    nodes : (k,) int
-    operator : (3 or 6, 3k) float
-        From displacements of the nodes to that of the point, and to the rotation on which they carry it.
     turn : Turn
         Without nodes where no rotation is asked for.
     angle : (3, m) float
@@ -58,9 +53,6 @@ class NodeReading:
         Linear rotation of what `turn` reads less that, where the two differ: of a joint's section in its frame.
     """
 
-    point: FloatArray
-    nodes: IntArray
-    operator: FloatArray
     turn: Turn
     angle: FloatArray
     inside: FloatArray | None = None
@@ -77,10 +69,6 @@ class NodeReading:
         result[self.nodes, :, :3] = self.operator[:3].T.reshape(-1, 3, 3)
         result[self.turn.nodes, :, 3:] = self.turn.operator.T.reshape(-1, 3, 3)
         return result.reshape(-1, _RANK)
-
-    def moved(self, shapes: FloatArray) -> FloatArray:
-        """Displacement (3, m) of mode shapes (3n, m)."""
-        return self.operator[:3] @ shapes.reshape(-1, 3, shapes.shape[1])[self.nodes].reshape(-1, shapes.shape[1])
 
     def turned_back(self, points: FloatArray, shapes: FloatArray, angle: FloatArray) -> FloatArray:
         """Second-order part (3, m, m) of the rotation that is read off the displacements once `angle` is undone."""
