@@ -16,7 +16,7 @@ CORE = PACKAGE / "core"
 LONGEST_FUNCTION, LONGEST_FILE = 80, 500
 LONGEST_PYTHON_FUNCTION = 60
 # Lines of Python with code, a ceiling that goes down as the package does: 19 000 is the aim.
-MOST_CODE = 22625
+MOST_CODE = 22610
 # Where what is short lies: all but the tests, whose modules are lists of facts.
 SHORT = [ROOT / name for name in ("fmu_src", "benchmarks", "demo", "docs", ".ci")]
 BLANK = {getattr(tokenize, name) for name in ["COMMENT", "NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER"]}
