@@ -254,6 +254,7 @@ def test_soft_modes_are_exact_beside_motions_of_hardly_any_mass():
     stiff, few = 1e15, np.arange(1.0, 4.0)
     coupling = 0.3 * np.array([[1.0, 0.5, -0.7], [0.2, -1.0, 0.4], [0.9, 0.1, 0.6]])
     k, m = np.diag([*few, *(stiff * few)]), np.block([[np.eye(3), coupling], [coupling.T, np.eye(3)]])
-    squares = _rayleigh_ritz(sp.csr_array(k), sp.csr_array(m), np.eye(6))[0]
+    squares, modes = _rayleigh_ritz(sp.csr_array(k), sp.csr_array(m), np.eye(6))
     # Of a stiff part that follows the soft one without strain, as it does to one in 10¹⁵.
     np.testing.assert_allclose(squares[:3], few, rtol=1e-12)
+    np.testing.assert_allclose(modes.T[:3] @ k @ modes[:, :3], np.diag(few), atol=1e-12)
