@@ -1,16 +1,19 @@
 """Loads that bend a body as far as it is likely to be bent, where nobody says how far."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from scipy.linalg import eigh
 
 from ..core.interface import parameter
 from ..files.basics import EquilibriumError, FloatArray
 from ..mesh.model import Along
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody, Shadow
+from ..program.mechanics import inertial_modes
 from ..reduction.bushings import SpringReading
 from .flexible_body import FlexibleBody, State
 
@@ -28,6 +31,10 @@ _SUDDEN = 2.0
 _SHORT = 1e-6
 # At such a share of the reference loads the polynomial is exact; the mass of lumps on few frames may differ by so much.
 _NEAR, _ALIKE = 0.25, 0.01
+# Share of the reference loads under which frequencies are compared, and how many of the lowest.
+_HALF, _LOWEST = 0.5, 3
+# Share that these may lack, and what remains with as many coordinates as it takes.
+_BEARABLE, _NOTHING = 5e-3, 1e-3
 # Difference from another body that is none to warn of, half of what an FMU warns of; and one that tells enough itself:
 # a leaf on a shackle, 4 % off by its own shadow, snaps as the opened one does, a cross pivot, 8 %, does not.
 _SLIGHT, _TOLD = 5e-3, 0.05
@@ -94,9 +101,14 @@ def _bent(model: FlexibleBody, factor: float) -> Iterator[FloatArray]:
 
 
 def keeps_its_mass(body: ReducedBody) -> bool:
-    """Whether a held body's mass polynomial reaches as far as reference loads bend it that act suddenly."""
+    """Whether a held body's mass polynomial reaches as far as reference loads bend it that act suddenly.
+
+    And knows of as many coordinates as count.
+    """
     if body.rigid_count or body.mass is not Mass.POLYNOMIAL:
         return True
+    if body.mass_modes > inertial_modes(body):
+        return False
     model, step = FlexibleBody(body), _SHORT / float(body.angular_frequency[-1])
     still, loads = np.zeros(model.core.modes), np.zeros(model.core.loads)
     return "BEYOND_MASS" not in {model.core.step(q, still, loads, step)[0].name for q in _bent(model, _SUDDEN)}
@@ -104,9 +116,51 @@ def keeps_its_mass(body: ReducedBody) -> bool:
 
 def lumps_are_fine(body: ReducedBody) -> bool:
     """Whether the lumps of a held body have its kinetic energy near rest, where the polynomial has it."""
-    one, other = (FlexibleBody(body, mass=mass) for mass in (Mass.POLYNOMIAL, Mass.CONFIGURATION))
+    alike = replace(body, mass_modes=0)
+    one, other = (FlexibleBody(alike, mass=mass) for mass in (Mass.POLYNOMIAL, Mass.CONFIGURATION))
     energies = [[q @ model.core.mass(q) @ q for model in (one, other)] for q in _bent(one, _NEAR)]
     return all(abs(lumps - whole) < _ALIKE * whole for whole, lumps in energies)
+
+
+def mass_modes(body: ReducedBody, lumped: ReducedBody) -> int:
+    """How many of the first coordinates the mass of a held body has to know of.
+
+    The mass of stiff coordinates, of twist or stretch, grows by many times itself as a body bends, and they follow slow
+    motions. Where the lowest frequencies about equilibria under half of the reference loads lack too much without
+    them, as many count as bring that close to nothing.
+
+    Parameters
+    ----------
+    body : ReducedBody
+    lumped : ReducedBody
+        It or another one in its coordinates, whose lumps count.
+
+    Returns
+    -------
+    int
+    """
+    modes, pairs = body.mode_count, []
+    model, heavy = FlexibleBody(body), FlexibleBody(replace(lumped, mass_modes=modes), mass=Mass.CONFIGURATION)
+    for _, name, force, _ in reference_loads(model):
+        inputs, start = np.zeros(model.core.loads), 6 * body.interface_names.index(name)
+        inputs[start : start + 3] = _HALF * force
+        with suppress(EquilibriumError):
+            state = model.static({name: (_HALF * force).tolist()})
+            pairs.append((model.tangent(state, inputs), heavy.mass(state)))
+
+    def off(known: int) -> float:
+        worst = 0.0
+        for stiffness, mass in pairs:
+            own = np.eye(modes)
+            own[:known, :known] = mass[:known, :known]
+            one, whole = (eigh(stiffness, of, eigvals_only=True)[:_LOWEST] for of in (own, mass))
+            worst = max(worst, float(np.max(np.abs(np.sqrt(np.abs(one / whole)) - 1.0))))
+        return worst
+
+    known = inertial_modes(replace(body, mass_modes=0))
+    if off(known) <= _BEARABLE:
+        return known
+    return next(one for one in range(known, modes + 1) if one == modes or off(one) <= _NOTHING)
 
 
 def differs_more(body: ReducedBody, shadow: Shadow, more: bool = True) -> bool:

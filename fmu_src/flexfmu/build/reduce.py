@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from ..body.reference_loads import apart, differs_more, keeps_its_mass, lumps_are_fine, missed_by_lines
+from ..body.reference_loads import apart, differs_more, keeps_its_mass, lumps_are_fine, mass_modes, missed_by_lines
 from ..files.basics import FlexfmuError, FloatArray, UnitSystem, own_version, plural
 from ..files.outputs import Reporter, Tentative
 from ..files.store import Store
@@ -101,12 +101,15 @@ _DRIFTING = (
 )
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
-_FAR_BENT = 'loads may pass the range of its mass polynomial: reduced again with lumps, unless mass = "polynomial"'
+_FAR_BENT = (
+    "loads may pass the range of its mass polynomial, or move stiff coordinates whose mass it does not know: "
+    'reduced again with lumps, unless mass = "polynomial"'
+)
 # Own error at reference loads from which on a body is tried with its loops cut; what that has to leave of it, and where
 # it leaves less than that.
 _WRONG, _CLEARLY, _BETTER = 0.01, 0.2, 0.75
 _OPENED = f"its frames turn apart where a loop through supports closes: {AGAINST_OPENED}"
-_COARSE = "lumps on its frames are too coarse: it keeps the polynomial and refuses steps past it; take more frames"
+_COARSE = "lumps on its frames are too coarse: it keeps the polynomial, and refuses steps past it; take more frames"
 
 
 def reduce_body(
@@ -271,6 +274,9 @@ def _reduced(
     if use.variant.mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
         use = replace(use, variant=Variant(use.variant.method))
     body = used_body(body, use)
+    lumped = body if body.mass is Mass.CONFIGURATION else fine[0][0] if fine and body.mass is Mass.POLYNOMIAL else None
+    if lumped is not None and lumped.inertia is not None and not body.rigid_count:
+        body = replace(body, mass_modes=mass_modes(body, lumped))
     if isinstance(made, Reduced):
         report.tell(warnings=missed_by_lines(body, made.shapes, model.bushings.readings))
 

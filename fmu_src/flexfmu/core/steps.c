@@ -137,10 +137,15 @@ void subtract_damping(const Body *body, const double *rates, double *force) {
 Progress progress_of(Step *s, double moved, double scale, double blurred, double tolerance) {
     const double before = s->change, size = scale > 0.0 ? sqrt(moved) / scale : 0.0;
     if (!isfinite(size)) return LOST;
-    /* What is left of the error is the change times the rate at which changes fall. */
-    const double rate = s->round > 1 && size < before ? size / before : 1.0;
+    const double enough = fmax(tolerance * scale, sqrt(blurred));
+    /* What is left of the error is the change times the rate at which changes fall: of this round and, lest it was a lucky
+     * one, of all. */
+    double rate = s->round > 1 && size < before ? size / before : 1.0;
+    if (s->round <= 1) s->first_change = size;
     s->change = size;
-    return size * rate * scale <= fmax(tolerance * scale, sqrt(blurred)) ? SETTLED : GOING_ON;
+    if (size * rate * scale > enough) return GOING_ON;
+    if (s->round > 2 && size < s->first_change) rate = fmax(rate, pow(size / s->first_change, 1.0 / (double)(s->round - 1)));
+    return size * rate * scale <= enough ? SETTLED : GOING_ON;
 }
 
 double felt(double turn) { return turn > 1.0 ? 1.0 / (turn * turn) : 1.0; }

@@ -43,6 +43,7 @@ typedef struct {
     double *between; /* (L): loads at a place between */
     double *astray;  /* (3, m): that of the steps, up to here */
     double change;   /* of the last round, relative to the motion */
+    double first_change;
     double factor;   /* of the way in the discrete gradient (9) */
     double blur;     /* how much of that factor is uncertain */
 } Step;

@@ -36,7 +36,7 @@ _KEPT: dict[str, Callable[[Any], Any]] = {"method": Method, "mass": Mass, "veloc
 _KEPT |= dict.fromkeys(
     ("compliance_interfaces", "following_interfaces"), lambda text: tuple(filter(None, text.split(",")))
 )
-_KEPT |= {"root_interface": int, "floating": bool, "tolerance": float}
+_KEPT |= {"root_interface": int, "floating": bool, "tolerance": float, "mass_modes": int}
 
 
 def _datasets(body: ReducedBody) -> Iterator[tuple[str, Entry, Any]]:

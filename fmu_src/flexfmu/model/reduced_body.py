@@ -273,6 +273,8 @@ class ReducedBody:
         Interfaces whose forces and moments turn with them: given on the axes of the undeformed body, carried along.
     tolerance : float or None
         Relative error of displacements above which the FMU warns; None: its default.
+    mass_modes : int
+        How many of the first coordinates the mass of lumps knows of, where more than the slow ones count.
     root_interface : int
         Of a free body whose basis holds the constraint modes of its interfaces: the one that the tree of frames hangs
         on when it is fixed. Else `GROUND`.
@@ -321,6 +323,7 @@ class ReducedBody:
     compliance_interfaces: tuple[str, ...] = ()
     following_interfaces: tuple[str, ...] = ()
     tolerance: float | None = None
+    mass_modes: int = 0
     root_interface: int = GROUND
     floating: bool = False
     provenance: dict[str, str] = field(default_factory=dict)

@@ -87,7 +87,7 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
     _put_mixed(draft, body)
     _put_watched(draft, body, recipe, tree)
     if tree.curvature is not None:
-        draft.arrays |= bends(tree, 0 if lumped is None else inertial_modes(body))
+        draft.arrays |= bends(tree, 0 if lumped is None else inertial_modes(body, True))
         draft.sizes |= {"curved": 1, "bending": len(draft.arrays["extent"])}
     if recipe.kinematics is Kinematics.SECOND_ORDER and tree.frames and body.membrane is not None:
         draft.arrays |= stretches(body.membrane, draft.arrays)
@@ -199,7 +199,7 @@ def _put_inertia(
     draft: Draft, body: ReducedBody, recipe: Recipe, mass: Mass, tree: Tree, lumped: LumpedMass | None
 ) -> None:
     """Mass of the deformed body, or what constant mass leaves out of it."""
-    kept, polynomial = inertial_modes(body), body.polynomial
+    kept, polynomial = inertial_modes(body, lumped is not None), body.polynomial
     if lumped is not None:
         draft.sizes |= {"inertial": 1, "inertial_modes": kept, "lumped": 1}
         draft.arrays |= {
@@ -285,11 +285,11 @@ def _lumped(body: ReducedBody, mass: Mass) -> LumpedMass | None:
     return body.inertia if body.inertia.mass.size else None
 
 
-def inertial_modes(body: ReducedBody) -> int:
+def inertial_modes(body: ReducedBody, lumped: bool = False) -> int:
     """How many of the first coordinates the mass of the deformed body knows of."""
     omega, rigid = body.angular_frequency, body.rigid_count
     slow = int(np.searchsorted(omega, _SLOW * omega[rigid], side="right"))
-    return min(max(slow, rigid + _SLOW_MODES), body.mode_count)
+    return min(max(slow, rigid + _SLOW_MODES, body.mass_modes if lumped else 0), body.mode_count)
 
 
 def _put_spin(draft: Draft, body: ReducedBody) -> None:
