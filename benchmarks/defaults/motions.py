@@ -2,8 +2,8 @@
 
 ``python -m benchmarks.defaults.motions [body ...]`` keeps ``motions.csv``; others keep their rows. Undamped, from rest,
 three slow periods in steps of a fiftieth, or a twentieth of the period of the fastest mode that has a tenth of the
-static energy, under 0.2 and 0.5 of each full load. Held bodies in one piece; the reference has the same modes, so what
-these lack (`truncation`) is not seen; ``sudden`` has CalculiX's motions.
+static energy, under 0.2 and 0.5 of each full load. Held bodies in one piece; the reference has the same modes and the
+mass of all of them, so what these lack (`truncation`) is not seen; ``sudden`` has CalculiX's motions.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import argparse
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import fmpy
@@ -40,12 +41,12 @@ WRONG = 0.01
 
 
 def reference(file: Path) -> FlexibleBody | None:
-    """The body with its lumps on many frames; None of one that is cut."""
+    """The body with the lumps of all its coordinates on many frames; None of one that is cut."""
     config = read_body_file(file)
     formulation = FormulationTable(method=Method.SECOND_ORDER, mass=Mass.CONFIGURATION)
     changes = {"frames": FRAMES, "formulation": formulation, "output": OutputTable(surface=False, error=False)}
     body = reduce_body(config.model_copy(update=changes), Reporter())
-    return None if body.ties is not None else FlexibleBody(body, limits=TIGHT)
+    return None if body.ties is not None else FlexibleBody(replace(body, mass_modes=body.mode_count), limits=TIGHT)
 
 
 def step_length(model: FlexibleBody, loads: dict[str, list[float]]) -> float:
