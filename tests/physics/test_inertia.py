@@ -484,9 +484,9 @@ def test_a_bent_blade_vibrates_as_the_bent_finite_element_model(tmp_path):
 
 def test_lumps_know_of_as_many_coordinates_as_frequencies_of_the_bent_body_need(beam, monkeypatch):
     """The seventh twists: bent, the beam swings about its own root, by five times the inertia that it has straight."""
-    model = beam(4).model
+    model = replace(beam(4).model, mass=Mass.CONFIGURATION)
     assert mass_modes(model, model) == 6
-    monkeypatch.setattr(reference_loads, "_BEARABLE", 1e-3)
+    monkeypatch.setattr(reference_loads, "_SMALL", 1e-3)
     found = mass_modes(model, model)
     assert 6 < found < model.mode_count
 

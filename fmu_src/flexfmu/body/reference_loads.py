@@ -33,8 +33,8 @@ _SHORT = 1e-6
 _NEAR, _ALIKE = 0.25, 0.01
 # Share of the reference loads under which frequencies are compared, and how many of the lowest.
 _HALF, _LOWEST = 0.5, 3
-# Share that these may lack, and what remains with as many coordinates as it takes.
-_BEARABLE, _NOTHING = 5e-3, 1e-3
+# Share that these may lack: by a polynomial, which lumps replace at a cost, by lumps, and with as many as it takes.
+_BEARABLE, _SMALL, _NOTHING = 5e-3, 2e-3, 1e-3
 # Difference from another body that is none to warn of, half of what an FMU warns of; and one that tells enough itself:
 # a leaf on a shackle, 4 % off by its own shadow, snaps as the opened one does, a cross pivot, 8 %, does not.
 _SLIGHT, _TOLD = 5e-3, 0.05
@@ -158,7 +158,7 @@ def mass_modes(body: ReducedBody, lumped: ReducedBody) -> int:
         return worst
 
     known = inertial_modes(replace(body, mass_modes=0))
-    if off(known) <= _BEARABLE:
+    if off(known) <= (_BEARABLE if body.mass is Mass.POLYNOMIAL else _SMALL):
         return known
     return next(one for one in range(known, modes + 1) if one == modes or off(one) <= _NOTHING)
 

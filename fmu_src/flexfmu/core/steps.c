@@ -155,7 +155,9 @@ double leading_error(const Step *s, const double *first, const double *last, con
     double error = 0.0, energy = 0.0;
     for (int64_t j = 0; j < p->modes; j++) {
         const double lost = p->weight[j] * s->rule->ramp[j] * (last[j] - first[j]), strained = p->omega[j] * s->q1[j];
-        error += (p->lumped && j < p->inertial_modes ? 1.0 : felt(p->omega[j] * s->all->step)) * lost * lost;
+        /* Stiff ones that lumps couple with slow ones ring, unless they are resolved. */
+        const int rings = p->lumped && j < p->inertial_modes;
+        error += (rings ? 1.0 : felt(p->omega[j] * s->all->step)) * lost * lost;
         energy += strained * strained + v[j] * v[j];
     }
     return energy > 0.0 ? sqrt(error / energy) : 0.0;
