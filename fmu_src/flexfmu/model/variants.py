@@ -151,7 +151,6 @@ def with_fixed_interfaces(body: ReducedBody, names: Collection[str], method: Met
     return replace(
         body, angular_frequency=np.sqrt(squares), damping_ratio=share.T @ body.damping_ratio, frequency_spread=None,
         interface_frame=np.maximum(body.interface_frame - gone, GROUND), root_interface=GROUND, floating=False,
-        mass_modes=0,
         watched_frame=None if body.watched_frame is None else np.maximum(body.watched_frame - gone, GROUND),
         membrane=body.membrane and body.membrane.turned(turn, squares),
         shadow=_shadow_fixed(body, names, turn),
