@@ -140,12 +140,14 @@ Progress progress_of(Step *s, double moved, double scale, double blurred, double
     const double enough = fmax(tolerance * scale, sqrt(blurred));
     /* What is left of the error is the change times the rate at which changes fall: of this round and, lest it was a lucky
      * one, of all. */
-    double rate = s->round > 1 && size < before ? size / before : 1.0;
+    const double rate = s->round > 1 && size < before ? size / before : 1.0;
     if (s->round <= 1) s->first_change = size;
     s->change = size;
     if (size * rate * scale > enough) return GOING_ON;
-    if (s->round > 2 && size < s->first_change) rate = fmax(rate, pow(size / s->first_change, 1.0 / (double)(s->round - 1)));
-    return size * rate * scale <= enough ? SETTLED : GOING_ON;
+    /* The mean rate is the root of size / first_change: both are compared by their powers. */
+    double most = s->first_change;
+    for (int64_t i = 1; i < s->round && size * scale > enough; i++) most *= enough / (size * scale);
+    return s->round <= 2 || size <= most || size * scale <= enough ? SETTLED : GOING_ON;
 }
 
 double felt(double turn) { return turn > 1.0 ? 1.0 / (turn * turn) : 1.0; }
@@ -155,8 +157,8 @@ double leading_error(const Step *s, const double *first, const double *last, con
     double error = 0.0, energy = 0.0;
     for (int64_t j = 0; j < p->modes; j++) {
         const double lost = p->weight[j] * s->rule->ramp[j] * (last[j] - first[j]), strained = p->omega[j] * s->q1[j];
-        /* Stiff ones that lumps couple with slow ones ring, unless they are resolved. */
-        const int rings = p->lumped && j < p->inertial_modes;
+        /* Stiff ones that lumps couple with slow ones ring, unless they are resolved where these are. */
+        const int rings = p->lumped && j < p->inertial_modes && p->omega[p->rigid] * s->all->step <= 1.0;
         error += (rings ? 1.0 : felt(p->omega[j] * s->all->step)) * lost * lost;
         energy += strained * strained + v[j] * v[j];
     }

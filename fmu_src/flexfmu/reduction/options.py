@@ -280,7 +280,8 @@ def named_set(sets: Mapping[str, IntArray], kind: str, name: str, key: str) -> I
     members = sets[match[0]]
     if not members.size:
         raise BodyFileError(f"{key}: {kind} set {name!r} is empty, expected at least one {kind}")
-    return members
+    # One that a script lists twice would count twice, unlike in the shadow.
+    return np.unique(members)
 
 
 def element_set(mesh: Mesh, name: str, key: str) -> IntArray:
