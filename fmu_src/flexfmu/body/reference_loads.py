@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from ..core.interface import parameter
-from ..files.basics import EquilibriumError, FloatArray
+from ..files.basics import EquilibriumError, FloatArray, RuntimeBodyError
 from ..mesh.model import Along
 from ..model.methods import Mass, Method
 from ..model.reduced_body import ReducedBody, Shadow
@@ -35,6 +35,8 @@ _NEAR, _ALIKE = 0.25, 0.01
 _HALF, _LOWEST = 0.5, 3
 # Share that these may lack: by a polynomial, which lumps replace at a cost, by lumps, and with as many as it takes.
 _BEARABLE, _SMALL, _NOTHING = 5e-3, 2e-3, 1e-3
+# Steps a slow period, how many are tried, and internal steps of each from which on a motion is too dear.
+_STEPS, _TRIED, _DEAR = 50, 25, 40
 # Difference from another body that is none to warn of, half of what an FMU warns of; and one that tells enough itself:
 # a leaf on a shackle, 4 % off by its own shadow, snaps as the opened one does, a cross pivot, 8 %, does not.
 _SLIGHT, _TOLD = 5e-3, 0.05
@@ -127,7 +129,7 @@ def mass_modes(body: ReducedBody, lumped: ReducedBody) -> int:
 
     The mass of stiff coordinates, of twist or stretch, grows by many times itself as a body bends, and they follow slow
     motions. Where the lowest frequencies about equilibria under half of the reference loads lack too much without
-    them, as many count as bring that close to nothing.
+    them, as many count as bring that close to nothing, if a motion with them is not too dear.
 
     Parameters
     ----------
@@ -141,7 +143,8 @@ def mass_modes(body: ReducedBody, lumped: ReducedBody) -> int:
     """
     modes, pairs = body.mode_count, []
     model, heavy = FlexibleBody(body), FlexibleBody(replace(lumped, mass_modes=modes), mass=Mass.CONFIGURATION)
-    for _, name, force, _ in reference_loads(model):
+    every = list(reference_loads(model))
+    for _, name, force, _ in every:
         inputs, start = np.zeros(model.core.loads), 6 * body.interface_names.index(name)
         inputs[start : start + 3] = _HALF * force
         with suppress(EquilibriumError):
@@ -160,7 +163,25 @@ def mass_modes(body: ReducedBody, lumped: ReducedBody) -> int:
     known = inertial_modes(replace(body, mass_modes=0))
     if off(known) <= (_BEARABLE if body.mass is Mass.POLYNOMIAL else _SMALL):
         return known
-    return next(one for one in range(known, modes + 1) if one == modes or off(one) <= _NOTHING)
+    more = next(one for one in range(known, modes + 1) if one == modes or off(one) <= _NOTHING)
+    moving = FlexibleBody(replace(lumped, mass_modes=more), mass=Mass.CONFIGURATION)
+    return more if _moves(moving, [{name: (_HALF * force).tolist()} for _, name, force, _ in every]) else known
+
+
+def _moves(model: FlexibleBody, cases: list[dict[str, list[float]]]) -> bool:
+    """Whether loads that act suddenly move a body for half a period in steps that are not dear."""
+    step = 2.0 * np.pi / (_STEPS * float(model.model.angular_frequency[0]))
+    for loads in cases:
+        state, taken = model.rest(), 0
+        for _ in range(_TRIED):
+            try:
+                state, work = model.step_with_work(state, loads, step)
+            except RuntimeBodyError:
+                return False
+            taken += work.substeps
+        if taken > _DEAR * _TRIED:
+            return False
+    return True
 
 
 def differs_more(body: ReducedBody, shadow: Shadow, more: bool = True) -> bool:
