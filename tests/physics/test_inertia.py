@@ -489,6 +489,9 @@ def test_lumps_know_of_as_many_coordinates_as_frequencies_of_the_bent_body_need(
     monkeypatch.setattr(reference_loads, "_SMALL", 1e-3)
     found = mass_modes(model, model)
     assert 6 < found < model.mode_count
+    with monkeypatch.context() as dear:
+        dear.setattr(reference_loads, "_DEAR", 0.5)
+        assert mass_modes(model, model) == 6
 
     def frequencies(known):
         body = FlexibleBody(replace(model, mass_modes=known), Method.SECOND_ORDER, Mass.CONFIGURATION)
