@@ -493,6 +493,10 @@ def test_lumps_know_of_as_many_coordinates_as_frequencies_of_the_bent_body_need(
         dear.setattr(reference_loads, "_DEAR", 0.5)
         assert mass_modes(model, model) == 6
 
+    with monkeypatch.context() as wrong:
+        wrong.setattr(FlexibleBody, "mass", lambda body, _: -np.eye(body.model.mode_count))
+        assert mass_modes(model, model) == 6
+
     def frequencies(known):
         body = FlexibleBody(replace(model, mass_modes=known), Method.SECOND_ORDER, Mass.CONFIGURATION)
         force = np.array([0.0, 4e3, 0.0])

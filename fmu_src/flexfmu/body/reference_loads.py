@@ -141,23 +141,24 @@ def mass_modes(body: ReducedBody, lumped: ReducedBody) -> int:
     -------
     int
     """
-    modes, pairs = body.mode_count, []
+    modes, equilibria = body.mode_count, []
     model, heavy = FlexibleBody(body), FlexibleBody(replace(lumped, mass_modes=modes), mass=Mass.CONFIGURATION)
     every = list(reference_loads(model))
     for _, name, force, _ in every:
         inputs, start = np.zeros(model.core.loads), 6 * body.interface_names.index(name)
         inputs[start : start + 3] = _HALF * force
-        with suppress(EquilibriumError):
+        with suppress(EquilibriumError, np.linalg.LinAlgError):
             state = model.static({name: (_HALF * force).tolist()})
-            pairs.append((model.tangent(state, inputs), heavy.mass(state)))
+            stiffness, mass = model.tangent(state, inputs), heavy.mass(state)
+            equilibria.append((stiffness, mass, eigh(stiffness, mass, eigvals_only=True)[:_LOWEST]))
 
     def off(known: int) -> float:
         worst = 0.0
-        for stiffness, mass in pairs:
+        for stiffness, mass, squares in equilibria:
             own = np.eye(modes)
             own[:known, :known] = mass[:known, :known]
-            one, whole = (eigh(stiffness, of, eigvals_only=True)[:_LOWEST] for of in (own, mass))
-            worst = max(worst, float(np.max(np.abs(np.sqrt(np.abs(one / whole)) - 1.0))))
+            ratio = eigh(stiffness, own, eigvals_only=True)[:_LOWEST] / squares
+            worst = max(worst, float(np.max(np.abs(np.sqrt(np.abs(ratio)) - 1.0))))
         return worst
 
     known = inertial_modes(replace(body, mass_modes=0))
