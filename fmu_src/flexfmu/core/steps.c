@@ -144,10 +144,11 @@ Progress progress_of(Step *s, double moved, double scale, double blurred, double
     if (s->round <= 1) s->first_change = size;
     s->change = size;
     if (size * rate * scale > enough) return GOING_ON;
+    if (s->round <= 2 || size >= s->first_change || size * scale <= enough) return SETTLED;
     /* The mean rate is the root of size / first_change: both are compared by their powers. */
     double most = s->first_change;
-    for (int64_t i = 1; i < s->round && size * scale > enough; i++) most *= enough / (size * scale);
-    return s->round <= 2 || size <= most || size * scale <= enough ? SETTLED : GOING_ON;
+    for (int64_t i = 1; i < s->round; i++) most *= enough / (size * scale);
+    return size <= most ? SETTLED : GOING_ON;
 }
 
 double felt(double turn) { return turn > 1.0 ? 1.0 / (turn * turn) : 1.0; }
