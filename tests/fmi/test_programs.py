@@ -4,17 +4,21 @@ import os
 import struct
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.core_step import INTERFACES, beam
+from benchmarks.fmu_size import sizes
 
 from bodies import beam_body, body_of_everything
-from flexfmu.core.interface import _HEAD, DESCRIPTION, ProgramError, fields, packed, read_image, write_image
+from flexfmu.core.interface import _HEAD, DESCRIPTION, ProgramError, aligned, fields, packed, read_image, write_image
 from flexfmu.core.library import Core, library_path
 from flexfmu.files.basics import OptionError
+from flexfmu.fmu.package import package_fmu
 from flexfmu.model.methods import Method
-from flexfmu.program.compile import compile_program, programs, with_guid
+from flexfmu.program.compile import compile_program, in_units, programs, with_guid
 from flexfmu.program.mechanics import Draft
 from program_fuzzer import places, resealed, small_programs
 
@@ -130,14 +134,38 @@ def test_programs_take_arrays_from_the_first_one():
     drafts = programs(model)
     images = with_guid(drafts, "{1}")
     first = images[DESCRIPTION]
-    assert sum(map(len, images.values())) < 0.8 * sum(len(draft.image()) for draft in drafts.values())
     for name, draft in drafts.items():
         alone = read_image(Draft(draft.sizes, draft.arrays | {"guid": b"{1}\0"}).image())
         found = read_image(images[name], first)
         for field, array in alone.arrays.items():
             if field != "shared":
                 np.testing.assert_array_equal(found.arrays[field], array, err_msg=f"{name}: {field}")
+                if array.nbytes >= 4096:
+                    assert sum(image.count(aligned(array.tobytes())) for image in images.values()) == 1
     assert any("takes arrays of another body" in (refusal(image) or "") for image in images.values())
+
+
+def test_what_a_program_holds_twice_is_written_once():
+    """Where a method knows of no loads, all that they do is missed."""
+    image = compile_program(body_of_everything(1, modes=20, frames=2, interfaces=4), Method.LINEAR)
+    change, missed = (read_image(image).arrays[name].tobytes() for name in ("judge_change", "judge_missed"))
+    assert change == missed
+    assert image.count(change) == 1
+
+
+def test_an_fmu_of_160_modes_is_at_most_six_megabytes(tmp_path, monkeypatch):
+    monkeypatch.setattr(zlib, "Z_DEFAULT_COMPRESSION", -1)
+    package_fmu(beam(INTERFACES, 2, modes=160), tmp_path / "beam.fmu")
+    assert sizes(tmp_path / "beam.fmu")["whole"] <= 6_000_000
+
+
+@pytest.mark.parametrize("largest", [1.0, -1.0, 1.0 - 2.0**-20, 2.0**-20 - 1.0, 1.0 + 2.0**-20, 0.7, 1e-300, 0.0])
+def test_whole_numbers_are_within_half_a_unit_and_none_too_large_for_its_bits(largest):
+    matrix = largest * np.array([[[1.0, 0.3], [0.3, -1e-5]]])
+    whole, unit = in_units(matrix)
+    np.testing.assert_array_equal(whole, whole.astype(np.int16))
+    assert np.abs(whole * unit - matrix).max() <= 0.5 * unit
+    assert unit <= abs(largest) * 2.0**-13 or largest == 0.0
 
 
 def fuzzed(core, seed, count, *words, **environment):

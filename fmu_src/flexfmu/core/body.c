@@ -62,19 +62,32 @@ static void gather_bends(Opened *opened) {
     }
 }
 
+/* Columns of the operator, a few of which share lines of memory: these go together. */
+static void gather_columns(Opened *opened) {
+    const Program *p = &opened->p;
+    const int64_t m = p->modes, rows = 6 * p->nodes;
+    enum { TOGETHER = 8 };
+    for (int64_t first = 0; first < m; first += TOGETHER)
+        for (int64_t i = 0; i < rows; i++)
+            for (int64_t j = first; j < m && j < first + TOGETHER; j++) opened->columns[j * rows + i] = p->operator_[i * m + j];
+}
+
 /* What follows from a program once; 0 without memory. */
 static int complete(Opened *opened) {
     const Program *p = &opened->p;
     const int64_t nodes = p->nodes, m = p->modes;
     opened->stiffness = calloc((size_t)(m + (p->loads + 2) / 3), sizeof(double));
+    opened->columns = calloc((size_t)(6 * nodes * m), sizeof(double));
     opened->rule_numbers = calloc((size_t)(RULES * RULE_ROWS * m), sizeof(double));
     opened->bends = calloc((size_t)p->bending + 1, sizeof *opened->bends);
     opened->bent_row = calloc((size_t)(6 * nodes), sizeof *opened->bent_row);
     opened->turned_start = calloc((size_t)(6 * nodes), sizeof *opened->turned_start);
     opened->lumped = calloc((size_t)nodes, sizeof *opened->lumped);
     opened->alike = calloc((size_t)p->variables + 1, sizeof *opened->alike);
-    if (!opened->stiffness || !opened->rule_numbers || !opened->bends || !opened->bent_row || !opened->turned_start || !opened->lumped || !opened->alike)
+    if (!opened->stiffness || !opened->columns || !opened->rule_numbers || !opened->bends || !opened->bent_row || !opened->turned_start ||
+        !opened->lumped || !opened->alike)
         return 0;
+    gather_columns(opened);
     for (int64_t i = p->variables - 1; i >= 0; i--) {
         const int64_t next = i + 1;
         const int goes_on = next < p->variables && p->variable_role[next] == p->variable_role[i] &&

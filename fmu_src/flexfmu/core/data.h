@@ -89,6 +89,7 @@ typedef struct Opened {
     struct Opened *next;
     int64_t users;
     double *stiffness;     /* (m); `softens` lies behind it */
+    double *columns;       /* (m, 6K): of operator_, one after the other */
     Bend *bends;           /* (bending) */
     int64_t *bent_row;     /* of all parts in turn */
     int64_t bend_rows;     /* numbers of Configuration.turned */

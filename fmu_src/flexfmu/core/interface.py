@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.basics import FlexfmuError, FloatArray
+from ..files.basics import FlexfmuError, FloatArray, IntArray
 
 FIELDS = Path(__file__).parents[1] / "core" / "fields.def"
 DESCRIPTION = "body.prog"
@@ -29,8 +29,8 @@ _HEAD = struct.Struct("<8sqQqQQ")
 _ALIGNMENT = 32
 # Bytes from which on it is worth taking an array from another image, and matrices and rows that are packed together.
 _WORTH, _TOGETHER = 4096, 4
-_FIELD = re.compile(r"^(SIZE|REAL|INTEGER|TEXT)\((\w+)(?:, ([^)]*))?\)", re.MULTILINE)
-_DTYPE: dict[str, np.dtype[Any]] = {"REAL": np.dtype("<f8"), "INTEGER": np.dtype("<i8"), "TEXT": np.dtype("u1")}
+_FIELD = re.compile(r"^(SIZE|REAL|INTEGER|SHORT|TEXT)\((\w+)(?:, ([^)]*))?\)", re.MULTILINE)
+_DTYPE: dict[str, str] = {"REAL": "<f8", "INTEGER": "<i8", "SHORT": "<i2", "TEXT": "u1"}
 
 
 class ProgramError(FlexfmuError):
@@ -44,7 +44,7 @@ class Field:
     Attributes
     ----------
     kind : str
-        "SIZE", "REAL", "INTEGER" or "TEXT".
+        "SIZE", "REAL", "INTEGER", "SHORT" or "TEXT".
     name : str
     count : str
         Number of elements, from sizes.
@@ -134,10 +134,12 @@ def aligned(data: bytes) -> bytes:
     return data + b"\0" * (-len(data) % _ALIGNMENT)
 
 
-def shared(several: Iterable[Mapping[str, Any]], base: bytes) -> FloatArray:
+def shared(several: Iterable[Mapping[str, Any]], base: bytes) -> IntArray:
     """Large arrays that several programs hold and an image does not, for that to hold them, too."""
     large = [aligned(a.tobytes()) for arrays in several for a in arrays.values() if getattr(a, "nbytes", 0) >= _WORTH]
-    return np.frombuffer(b"".join(data for data, count in Counter(large).items() if count > 1 and data not in base))
+    return np.frombuffer(
+        b"".join(data for data, count in Counter(large).items() if count > 1 and data not in base), "<i8"
+    )
 
 
 def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[Any] | bytes], base: bytes = b"") -> bytes:
@@ -150,7 +152,7 @@ def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[Any] | by
     arrays : mapping of str to array or bytes
         Those left out are empty; shapes do not matter, their sizes must be those of the table.
     base : bytes
-        An image that large arrays are taken from where it holds them.
+        An image that large arrays are taken from where it holds them; others that are the same are written once.
 
     Returns
     -------
@@ -177,10 +179,10 @@ def write_image(sizes: Mapping[str, int], arrays: Mapping[str, NDArray[Any] | by
         if values.size != expected:
             raise ProgramError(f"{field.name} has {values.size} elements, expected {field.count} = {expected}")
         data = aligned(values.astype(_DTYPE[field.kind]).tobytes())
-        place = base.find(data) if len(data) >= _WORTH else -1
-        held = place >= 0 and place % _ALIGNMENT == 0
-        words.append((-place if held else start + len(parts)) // _WORD)
-        parts += b"" if held else data
+        known = [held.find(data) if len(data) >= _WORTH else -1 for held in (base, parts)]
+        other, own = (place >= 0 and place % _ALIGNMENT == 0 for place in known)
+        words.append((-known[0] if other else start + (known[1] if own else len(parts))) // _WORD)
+        parts += b"" if other or own else data
     body = struct.pack(f"<{len(words)}q", *words).ljust(start - _HEAD.size, b"\0") + parts
     mark = _HEAD.unpack_from(base)[-1] if base else 0
     return _HEAD.pack(_MARK, VERSION, checksum(_table()), _HEAD.size + len(body), mark, checksum(body)) + body

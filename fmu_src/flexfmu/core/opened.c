@@ -64,6 +64,7 @@ void leave_opened(Opened *opened) {
     while (opened && left(opened)) {
         Opened *base = opened->base;
         free(opened->stiffness);
+        free(opened->columns);
         free(opened->rule_numbers);
         free(opened->bends);
         free(opened->bent_row);

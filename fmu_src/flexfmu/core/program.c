@@ -15,11 +15,13 @@ static const char TABLE[] =
 #define SIZE(name) "SIZE " #name "\n"
 #define REAL(name, count) "REAL " #name " " #count "\n"
 #define INTEGER(name, count) "INTEGER " #name " " #count "\n"
+#define SHORT(name, count) "SHORT " #name " " #count "\n"
 #define TEXT(name, count) "TEXT " #name " " #count "\n"
 #include "fields.def"
 #undef SIZE
 #undef REAL
 #undef INTEGER
+#undef SHORT
 #undef TEXT
     ;
 
@@ -121,7 +123,7 @@ static const char *inconsistent(const Program *p) {
         }
         if (bends != p->bends) return "curvatures are incomplete";
     }
-    if (2 * p->judged_pairs != (p->judged ? p->elastic_count * (p->elastic_count + 1) : 0)) return "the second opinion is incomplete";
+    if (2 * p->judged_pairs != (p->judged ? p->elastic_count * (p->elastic_count + 1) : 0) || !positive(p->judge_size, p->judged * p->loads, 0)) return "the second opinion is incomplete";
     int64_t stretches = 0, stretch_numbers = 0;
     for (int64_t part = 0; part < p->parts; part++) {
         if (p->stretch_rows[part] < 0 || p->stretch_rows[part] > (p->extent[part] < m ? p->stretches - stretches : 0)) return "a stretch is of no part";
@@ -211,11 +213,13 @@ const char *open_program(Image image, Image base, Program *p) {
 #define SIZE(name) double name = 0.0;
 #define REAL(name, count)
 #define INTEGER(name, count)
+#define SHORT(name, count)
 #define TEXT(name, count)
 #include "fields.def"
 #undef SIZE
 #undef REAL
 #undef INTEGER
+#undef SHORT
 #undef TEXT
 #define SIZE(name)                                                             \
     if (end - at < WORD) return short_of;                                      \
@@ -238,6 +242,7 @@ const char *open_program(Image image, Image base, Program *p) {
     ARRAY(name, count, double, WORD)                                           \
     if (!all_finite(p->name, numbers)) return "numbers are not finite: " #name;
 #define INTEGER(name, count) ARRAY(name, count, int64_t, WORD)
+#define SHORT(name, count) ARRAY(name, count, int16_t, 2)
 #define TEXT(name, count) ARRAY(name, count, char, 1)
     int64_t numbers, room, place;
     used = at;
@@ -245,6 +250,7 @@ const char *open_program(Image image, Image base, Program *p) {
 #undef SIZE
 #undef REAL
 #undef INTEGER
+#undef SHORT
 #undef TEXT
     const int64_t whole = (used - (const char *)image.bytes + IMAGE_ALIGNMENT - 1) / IMAGE_ALIGNMENT * IMAGE_ALIGNMENT;
     if (whole != size) return whole > size ? short_of : "it is longer than it says";

@@ -10,11 +10,13 @@ typedef struct {
 #define SIZE(name) int64_t name;
 #define REAL(name, count) const double *name;
 #define INTEGER(name, count) const int64_t *name;
+#define SHORT(name, count) const int16_t *name;
 #define TEXT(name, count) const char *name;
 #include "fields.def"
 #undef SIZE
 #undef REAL
 #undef INTEGER
+#undef SHORT
 #undef TEXT
 } Program;
 

@@ -20,7 +20,7 @@ void node_rates(const Body *body, const Need *need, const Configuration *at, con
     const int64_t n = p->nodes;
     double *local = rates->local, *velocity = rates->velocity, *spin = rates->spin;
     memset(local, 0, (size_t)(6 * n) * sizeof(double));
-    add_strided_rows(v, p->operator_t, 6 * n, local, p->modes, moving_rows(p));
+    add_strided_rows(v, body->opened->columns, 6 * n, local, p->modes, moving_rows(p));
     if (p->curved) {
         part_coordinates(p, v, 0, rates->bent);
         for (int64_t part = 0; part < p->bending; part++) {

@@ -180,7 +180,7 @@ void configure_linear(const Body *body, const Need *need, const double *q, Confi
         if (at->q != q) memcpy(at->q, q, (size_t)p->modes * sizeof(double));
         memset(at->straight, 0, (size_t)size * sizeof(double));
     }
-    if (now.at < now.end) add_strided_rows(q + first, p->operator_t + first * size, size, at->straight, count, moving_rows(p));
+    if (now.at < now.end) add_strided_rows(q + first, body->opened->columns + first * size, size, at->straight, count, moving_rows(p));
     if (!p->curved) return;
     part_coordinates(p, q, body->slice, at->bent);
     turn_rows(body, need, at->bent, at->turned);

@@ -68,6 +68,28 @@ ALIKE void add_strided_rows_body(const double *x, const double *matrix, int64_t 
 COMPILE(void, add_strided_rows, (const double *x, const double *matrix, int64_t stride, double *restrict out, int64_t n, int64_t m),
         (x, matrix, stride, out, n, m))
 
+ALIKE void add_strided_shorts_body(const double *x, const double *unit, const int16_t *matrix, int64_t stride, double *restrict out, int64_t n, int64_t m) {
+    int64_t i = 0;
+    for (; i + 4 <= n; i += 4) {
+        const int16_t *a = matrix + i * stride, *b = a + stride, *c = b + stride, *d = c + stride;
+        const double p = x[i] * unit[i], q = x[i + 1] * unit[i + 1], r = x[i + 2] * unit[i + 2], s = x[i + 3] * unit[i + 3];
+        if (p == 0.0 && q == 0.0 && r == 0.0 && s == 0.0) continue;
+        COUNT(8 * m);
+        for (int64_t j = 0; j < m; j++) out[j] += (p * a[j] + q * b[j]) + (r * c[j] + s * d[j]);
+    }
+    for (; i < n; i++) {
+        const int16_t *row = matrix + i * stride;
+        const double factor = x[i] * unit[i];
+        if (factor == 0.0) continue;
+        COUNT(2 * m);
+        for (int64_t j = 0; j < m; j++) out[j] += factor * row[j];
+    }
+}
+
+COMPILE(void, add_strided_shorts,
+        (const double *x, const double *unit, const int16_t *matrix, int64_t stride, double *restrict out, int64_t n, int64_t m),
+        (x, unit, matrix, stride, out, n, m))
+
 ALIKE void add_product_body(const double *a, int64_t stride, const double *b, double *restrict out, int64_t n, int64_t m, int64_t k) {
     int64_t i = 0;
     for (; i + 4 <= m; i += 4)

@@ -15,6 +15,8 @@ __attribute__((visibility("default"))) extern int64_t flex_operations;
 double dot(const double *a, const double *b, int64_t n);
 /* out (m) += x (n) M of m columns of a matrix whose rows lie `stride` apart. */
 void add_strided_rows(const double *x, const double *matrix, int64_t stride, double *out, int64_t n, int64_t m);
+/* The same of whole numbers, those of each row in its unit. */
+void add_strided_shorts(const double *x, const double *unit, const int16_t *matrix, int64_t stride, double *out, int64_t n, int64_t m);
 /* out (m) += p a + q b. */
 void add_two_rows(double p, const double *a, double q, const double *b, double *out, int64_t m);
 /* out (n) = M x, M (n, m). */

@@ -42,12 +42,12 @@ void judgement_demand(const Body *body, Arena *arena) {
     take_judgement(body, arena, &room);
 }
 
-/* out (e, e) = the sum of symmetric matrices, their lower triangles, times factors. */
-static void sum_of_triangles(const double *factors, const double *triangles, int64_t count, int64_t e, double *out, Slice *slice) {
+/* out (e, e) = the sum of symmetric matrices, their lower triangles in units, times factors. */
+static void sum_of_triangles(const double *factors, const double *unit, const int16_t *triangles, int64_t count, int64_t e, double *out, Slice *slice) {
     const Rows now = rows_due(slice, e, (double)(count * e));
     for (int64_t i = now.at; i < now.end; i++) {
         memset(out + i * e, 0, (size_t)(i + 1) * sizeof(double));
-        add_strided_rows(factors, triangles + i * (i + 1) / 2, e * (e + 1) / 2, out + i * e, count, i + 1);
+        add_strided_shorts(factors, unit, triangles + i * (i + 1) / 2, e * (e + 1) / 2, out + i * e, count, i + 1);
         for (int64_t j = 0; j < i; j++) out[j * e + i] = out[i * e + j];
     }
 }
@@ -55,8 +55,8 @@ static void sum_of_triangles(const double *factors, const double *triangles, int
 /* true = 1 + sum of loads times `change`, and what is missed of it. */
 static void judged(const Body *body, const double *inputs, double *change, double *missed, Slice *slice) {
     const int64_t e = body->p->elastic_count;
-    sum_of_triangles(inputs, body->p->judge_change, body->p->loads, e, change, slice);
-    sum_of_triangles(inputs, body->p->judge_missed, body->p->loads, e, missed, slice);
+    sum_of_triangles(inputs, body->p->judge_unit, body->p->judge_change, body->p->loads, e, change, slice);
+    sum_of_triangles(inputs, body->p->judge_unit + body->p->loads, body->p->judge_missed, body->p->loads, e, missed, slice);
     const Rows now = rows_due(slice, e, (double)(2 * e));
     for (int64_t i = now.at * e; i < now.end * e; i++) missed[i] = -missed[i];
     for (int64_t i = now.at; i < now.end; i++) change[i * (e + 1)] += 1.0;
@@ -118,8 +118,12 @@ static void find_worst(const Body *body, const double *inputs, const Judgement *
     double *deflection = room->deflection, *off = room->off, disturbance = 0.0;
     const Rows now = rows_due(slice, 6 * p->interfaces, (double)(2 * e * columns));
     for (int64_t i = now.at; i < now.end; i++) {
-        product(p->judge_motion + i * e, room->right, deflection + i * columns, 1, e, columns);
-        product(p->judge_motion + i * e, room->loads, off + i * columns, 1, e, columns);
+        product(p->judge_force + i * e, room->right, deflection + i * columns, 1, e, columns);
+        product(p->judge_force + i * e, room->loads, off + i * columns, 1, e, columns);
+        for (int64_t c = i * columns; c < (i + 1) * columns; c++) {
+            deflection[c] /= p->judge_size[i];
+            off[c] /= p->judge_size[i];
+        }
     }
     for (int64_t l = 0; l < p->loads; l++) disturbance += inputs[l] * p->judge_size[l] * inputs[l] * p->judge_size[l];
     disturbance = DISTURBANCE * sqrt(disturbance);
@@ -173,7 +177,7 @@ void pieces_of_missed(Body *body, const double *inputs, Arena arena, Slice *slic
     for (int64_t i = now.at; i < now.end; i++) {
         loads[i * columns] = 0.0;
         for (int64_t l = 0; l < p->loads; l++) loads[i * columns] += inputs[l] * p->judge_force[l * e + i];
-        for (int64_t r = 0; r < rows; r++) loads[i * columns + 1 + r] = p->judge_motion[r * e + i];
+        for (int64_t r = 0; r < rows; r++) loads[i * columns + 1 + r] = p->judge_force[r * e + i] / p->judge_size[r];
         memcpy(right + i * columns, loads + i * columns, (size_t)columns * sizeof(double));
     }
     copy_rows(change, square, e, rows_due(slice, e, cost_of_copy(e)));

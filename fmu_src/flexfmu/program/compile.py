@@ -14,7 +14,7 @@ import numpy as np
 from ..core.interface import DESCRIPTION, shared, symbols
 from ..core.library import Core
 from ..files.basics import FloatArray, ModalFileError, OptionError
-from ..model.arrays import short, triangles
+from ..model.arrays import triangles
 from ..model.methods import Kinematics, LoadPlacement, Mass, Method, Recipe, Stiffness, has_frames, masses_of, recipe_of
 from ..model.reduced_body import GROUND, ReducedBody
 from ..model.variants import chosen, offered, with_fixed_interfaces, with_frame_layout
@@ -26,8 +26,8 @@ from .variable_table import Variable, variable_table
 _CHAIN = 0.25
 # Critical load of the clamped column over what the moment u × F alone makes of it.
 _MOMENT = 8.0 / np.pi**2
-# Bits of its numbers, of each load's largest: estimates of a few percent need no more, and short ones pack well.
-_BITS = 16
+# Bits of its numbers, of each load's largest, none of which fills them with the margin: a few percent need no more.
+_BITS, _MARGIN = 15, 1.0001
 _BY_LOAD, _BY_SECOND_ORDER = "geometric stiffness by load", "the frames to second order"
 
 
@@ -45,21 +45,20 @@ def unit_load_tangents(draft: Draft, body: ReducedBody) -> FloatArray:
     return np.array([core.tangent(load, still) for load in loads]) - np.diag(body.angular_frequency**2)
 
 
-def _interface_loads(draft: Draft, body: ReducedBody, elastic: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Modal forces (L, e) of unit loads and motions (I, 6, e) of interfaces over ω, and what makes loads comparable."""
+def _interface_loads(draft: Draft, body: ReducedBody, elastic: slice) -> tuple[FloatArray, FloatArray]:
+    """Modal forces (L, e) of unit loads over ω, and what makes loads comparable."""
     omega, interfaces = body.angular_frequency[elastic], body.interface_count
     displacement = body.interface_displacement[..., elastic] / omega
     rotation = body.interface_rotation[..., elastic] / omega
     # Displacement over rotation under loads of all directions.
     moved, turned = (np.linalg.norm(operator, axis=(1, 2)) for operator in (displacement, rotation))
     length = np.where((moved > 0.0) & (turned > 0.0), moved / np.where(turned > 0.0, turned, 1.0), 1.0)
-    motion = np.concatenate([displacement, rotation * length[:, None, None]], axis=1)
     force = np.concatenate([displacement, rotation], axis=1).reshape(6 * interfaces, -1)
     size = np.concatenate([np.ones((interfaces, 3)), np.repeat(1.0 / length[:, None], 3, axis=1)], axis=1).ravel()
     if body.masses is not None:
         force = np.concatenate([force, np.asarray(draft.arrays["inertia_operator"])[:, elastic] / omega])
         size = np.concatenate([size, np.full(3, float(np.sum(body.masses.mass)))])
-    return force, motion, size
+    return force, size
 
 
 def _against_missed(body: ReducedBody, recipe: Recipe, source: str) -> str:
@@ -74,6 +73,12 @@ def _against_missed(body: ReducedBody, recipe: Recipe, source: str) -> str:
     if linear and body.frame_count > 1:
         return f'take method = "frames", or build with {stored}'
     return f"build with more frames, or with {stored}"
+
+
+def in_units(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Matrices (…, m, m) as whole numbers of 16 bits, and the unit of each."""
+    unit = np.ldexp(1.0, np.frexp(_MARGIN * np.abs(matrices).max(axis=(-2, -1)))[1] - _BITS)
+    return np.rint(matrices / unit[..., None, None]), unit
 
 
 def second_opinion(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
@@ -102,16 +107,13 @@ def second_opinion(draft: Draft, body: ReducedBody, recipe: Recipe) -> None:
 
     parts = np.array([change, change - own])[..., elastic, elastic] / (omega[:, None] * omega)
     # Of methods that know of no loads both are the same array, which an FMU then has once.
-    judged, missed = short(0.5 * (parts + parts.swapaxes(-1, -2)), np.ones(count), _BITS)
+    judged, unit = in_units(0.5 * (parts + parts.swapaxes(-1, -2)))
     draft.sizes |= {"judged": 1, "judged_pairs": count * (count + 1) // 2}
-    draft.arrays |= {
-        "judge_change": triangles(judged),
-        "judge_missed": triangles(missed),
-        "judge_bound": np.linalg.norm(judged, 2, (1, 2)),
-        "judge_missed_bound": np.linalg.norm(missed, 2, (1, 2)),
-    }
-    force, motion, size = _interface_loads(draft, body, elastic)
-    draft.arrays |= {"judge_force": force, "judge_motion": motion, "judge_size": size}
+    both = triangles(judged).astype(np.int16)
+    draft.arrays |= {"judge_change": both[0], "judge_missed": both[1], "judge_unit": unit}
+    bounds = unit * np.linalg.norm(judged, 2, (2, 3))
+    draft.arrays |= {"judge_bound": bounds[0], "judge_missed_bound": bounds[1]}
+    draft.arrays["judge_force"], draft.arrays["judge_size"] = _interface_loads(draft, body, elastic)
     draft.arrays["advice"] = advice(body, recipe, _against_missed(body, recipe, source), source)
 
 

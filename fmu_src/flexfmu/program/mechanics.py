@@ -96,7 +96,6 @@ def mechanics(body: ReducedBody, recipe: Recipe, mass: Mass = Mass.CONSTANT) -> 
     _put_inertia(draft, body, recipe, mass, tree, lumped)
     if placement is LoadPlacement.DEFORMED and recipe.stiffness is Stiffness.CONSTANT:
         _put_turns(draft, body)
-    draft.arrays["operator_t"] = np.reshape(draft.arrays["operator_"], (-1, body.mode_count)).T
     return draft
 
 
