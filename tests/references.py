@@ -42,8 +42,8 @@ def relative(found, expected):
 def drift(model, states, step):
     """How far coordinates (n, m) go off, undamped, by what the mass of steps omits; at n states, a step apart."""
     mass, omega = model.polynomial, model.angular_frequency
-    slow = np.arange(omega.size) < inertial_modes(model)
-    form = mass.form * slow * slow[:, None]
+    slow, known = (np.arange(omega.size) < inertial_modes(model, rates) for rates in (False, True))
+    form = mass.form * known * known[:, None]
     q, v = (np.array(each) for each in zip(*((state.q, state.v) for state in states), strict=True))
     if model.mass is Mass.POLYNOMIAL:
         first, second = np.triu_indices(slow.sum())

@@ -7,6 +7,7 @@ from itertools import accumulate, repeat
 import numpy as np
 import pytest
 from benchmarks.defaults.bodies import angle, folded_flexure
+from benchmarks.defaults.published import twisted_cantilever
 
 from driven import Driven
 from flexfmu.body.flexible_body import FlexibleBody, State, StepLimits
@@ -343,3 +344,24 @@ def test_a_free_body_keeps_its_momenta_and_energy_to_round_off(loose):
     assert most**2 > 0.02 * first[2]
     for before, after in zip(first, now, strict=True):
         np.testing.assert_allclose(after, before, atol=2e-10 * np.linalg.norm(before))
+
+
+def test_it_knows_of_stiff_rates_where_frequencies_of_the_bent_body_need_them(tmp_path):
+    """Of a twisted cantilever: by six coordinates alone the motion is 3.5 % off in silence within three periods."""
+    body = twisted_cantilever()
+    given = {"output": OutputTable(surface=False, error=False)}
+    whole = {"frames": 16, "formulation": FormulationTable(method=Method.SECOND_ORDER, mass=Mass.CONFIGURATION)}
+    config = read_body_file(body.write(tmp_path)).model_copy(update=given)
+    found = reduce_body(config.model_copy(update={"formulation": FormulationTable(mass=Mass.POLYNOMIAL)}), Reporter())
+    fine = reduce_body(config.model_copy(update=whole), Reporter())
+    fine = replace(fine, mass_modes=fine.mode_count)
+    assert found.mass is Mass.POLYNOMIAL
+    models = [FlexibleBody(found), FlexibleBody(fine, limits=StepLimits(0.0, 1e-4))]
+    loads = {name: [0.2 * one for one in force] for name, force in body.cases["down"].items()}
+    step, states, moved = 2.0 * np.pi / (50.0 * found.angular_frequency[0]), [one.rest() for one in models], []
+    for _ in range(150):
+        states = [one.step(state, loads, step) for one, state in zip(models, states, strict=True)]
+        moved.append([one.response(state).displacement[0] for one, state in zip(models, states, strict=True)])
+    own, exact = np.swapaxes(moved, 0, 1)
+    assert np.abs(exact).max() > 1.0
+    assert relative(own, exact) < 0.01

@@ -33,8 +33,9 @@ _SHORT = 1e-6
 _NEAR, _ALIKE = 0.25, 0.01
 # Share of the reference loads under which frequencies are compared, and how many of the lowest.
 _HALF, _LOWEST = 0.5, 3
-# Share that these may lack: by a polynomial, which lumps replace at a cost, by lumps, and with as many as it takes.
-_BEARABLE, _SMALL, _NOTHING = 5e-3, 2e-3, 1e-3
+# Share that these may lack: by a polynomial, which lumps replace at a cost, by lumps, and where more cost little; of it
+# with as many as it takes.
+_BEARABLE, _SMALL, _LEAST, _PART = 5e-3, 2e-3, 1e-3, 0.5
 # Steps a slow period, how many are tried, and internal steps of each from which on a motion is too dear.
 _STEPS, _TRIED, _DEAR = 50, 25, 40
 # Difference from another body that is none to warn of, half of what an FMU warns of; and one that tells enough itself:
@@ -103,14 +104,9 @@ def _bent(model: FlexibleBody, factor: float) -> Iterator[FloatArray]:
 
 
 def keeps_its_mass(body: ReducedBody) -> bool:
-    """Whether a held body's mass polynomial reaches as far as reference loads bend it that act suddenly.
-
-    And knows of as many coordinates as count.
-    """
+    """Whether a held body's mass polynomial reaches as far as reference loads bend it that act suddenly."""
     if body.rigid_count or body.mass is not Mass.POLYNOMIAL:
         return True
-    if body.mass_modes > inertial_modes(body):
-        return False
     model, step = FlexibleBody(body), _SHORT / float(body.angular_frequency[-1])
     still, loads = np.zeros(model.core.modes), np.zeros(model.core.loads)
     return "BEYOND_MASS" not in {model.core.step(q, still, loads, step)[0].name for q in _bent(model, _SUDDEN)}
@@ -124,7 +120,7 @@ def lumps_are_fine(body: ReducedBody) -> bool:
     return all(abs(lumps - whole) < _ALIKE * whole for whole, lumps in energies)
 
 
-def mass_modes(body: ReducedBody, lumped: ReducedBody) -> int:
+def mass_modes(body: ReducedBody, lumped: ReducedBody, dear: bool) -> int:
     """How many of the first coordinates the mass of a held body has to know of.
 
     The mass of stiff coordinates, of twist or stretch, grows by many times itself as a body bends, and they follow slow
@@ -136,13 +132,16 @@ def mass_modes(body: ReducedBody, lumped: ReducedBody) -> int:
     body : ReducedBody
     lumped : ReducedBody
         It or another one in its coordinates, whose lumps count.
+    dear : bool
+        Whether each costs as much as with lumps: a polynomial has them for little.
 
     Returns
     -------
     int
     """
     modes, equilibria = body.mode_count, []
-    model, heavy = FlexibleBody(body), FlexibleBody(replace(lumped, mass_modes=modes), mass=Mass.CONFIGURATION)
+    model = FlexibleBody(body, mass=Mass.CONSTANT)
+    heavy = FlexibleBody(replace(lumped, mass_modes=modes), mass=Mass.CONFIGURATION)
     every = list(reference_loads(model))
     for _, name, force, _ in every:
         inputs, start = np.zeros(model.core.loads), 6 * body.interface_names.index(name)
@@ -161,12 +160,14 @@ def mass_modes(body: ReducedBody, lumped: ReducedBody) -> int:
             worst = max(worst, float(np.max(np.abs(np.sqrt(np.abs(ratio)) - 1.0))))
         return worst
 
-    known = inertial_modes(replace(body, mass_modes=0))
-    if off(known) <= (_BEARABLE if body.mass is Mass.POLYNOMIAL else _SMALL):
+    known = inertial_modes(body)
+    most = (_SMALL if body.mass is Mass.CONFIGURATION else _BEARABLE) if dear else _LEAST
+    if off(known) <= most:
         return known
-    more = next(one for one in range(known, modes + 1) if one == modes or off(one) <= _NOTHING)
+    more = next(one for one in range(known, modes + 1) if one == modes or off(one) <= _PART * min(most, _SMALL))
     moving = FlexibleBody(replace(lumped, mass_modes=more), mass=Mass.CONFIGURATION)
-    return more if _moves(moving, [{name: (_HALF * force).tolist()} for _, name, force, _ in every]) else known
+    loads = [{name: (_HALF * force).tolist()} for _, name, force, _ in every]
+    return more if not dear or _moves(moving, loads) else known
 
 
 def _moves(model: FlexibleBody, cases: list[dict[str, list[float]]]) -> bool:

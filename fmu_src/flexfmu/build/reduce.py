@@ -21,6 +21,7 @@ from ..model.reduced_body import Properties, ReducedBody, Surface
 from ..model.summary import NORMAL_MODES, first_frequency, missed_words, summary
 from ..model.variants import chosen, shortened
 from ..program.mass_polynomial import mass_polynomial
+from ..program.mechanics import inertial_modes
 from ..reduction.bodies import used_body
 from ..reduction.cut.parts import AGAINST_OPENED, Joined, Opened, chosen_cuts, reduced_parts, reduced_whole
 from ..reduction.masses import body_properties
@@ -101,10 +102,7 @@ _DRIFTING = (
 )
 # Sizes of the body beyond which a reference point is hardly meant.
 _FAR = 3.0
-_FAR_BENT = (
-    "loads may pass the range of its mass polynomial, or move stiff coordinates whose mass it does not know: "
-    'reduced again with lumps, unless mass = "polynomial"'
-)
+_FAR_BENT = 'loads may pass the range of its mass polynomial: reduced again with lumps, unless mass = "polynomial"'
 # Own error at reference loads from which on a body is tried with its loops cut; what that has to leave of it, and where
 # it leaves less than that.
 _WRONG, _CLEARLY, _BETTER = 0.01, 0.2, 0.75
@@ -265,18 +263,27 @@ def _reduced(
     else:
         made = reduced_whole(options, model, report, store)
         fine = [] if made.fine is None else [(made.fine, np.eye(made.body.mode_count))]
-    body = made.body
-    if fine:
+    body = used_body(made.body, use)
+    lumped = made.fine if isinstance(made, Reduced) and body.mass is not Mass.CONFIGURATION else body
+
+    def knowing(count: int) -> ReducedBody:
+        if not fine:
+            return replace(body, mass_modes=count)
         with report.stage("Find how mass changes as the body bends"):
-            kept, key = model.mesh.kept, ("polynomial", *(id(part) for part, _ in fine))
-            kept[key] = kept.get(key) or (fine, mass_polynomial(fine))
-            body = replace(body, polynomial=kept[key][1])
-    if use.variant.mass is Mass.POLYNOMIAL and (body.polynomial is None or body.ties is not None):
-        use = replace(use, variant=Variant(use.variant.method))
-    body = used_body(body, use)
-    lumped = body if body.mass is Mass.CONFIGURATION else fine[0][0] if fine and body.mass is Mass.POLYNOMIAL else None
-    if lumped is not None and lumped.inertia is not None and not body.rigid_count:
-        body = replace(body, mass_modes=mass_modes(body, lumped))
+            kept, key = model.mesh.kept, ("polynomial", count, *(id(part) for part, _ in fine))
+            parts = [(replace(part, mass_modes=count), turn) for part, turn in fine]
+            kept[key] = kept.get(key) or (fine, mass_polynomial(parts))
+        found = kept[key][1]
+        constant = body.mass is Mass.POLYNOMIAL and (found is None or body.ties is not None)
+        return replace(body, polynomial=found, mass_modes=count, mass=Mass.CONSTANT if constant else body.mass)
+
+    if lumped is None or lumped.inertia is None or body.rigid_count or body.ties is not None:
+        body = knowing(0)
+    else:
+        body = knowing(mass_modes(body, lumped, body.mass is Mass.CONFIGURATION))
+        # A polynomial that knows of fewer reaches further.
+        if not keeps_its_mass(body) and mass_modes(body, lumped, dear=True) == inertial_modes(body):
+            body = knowing(0)
     if isinstance(made, Reduced):
         report.tell(warnings=missed_by_lines(body, made.shapes, model.bushings.readings))
 

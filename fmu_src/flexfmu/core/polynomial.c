@@ -5,7 +5,7 @@
 #include "algebra.h"
 
 void take_polynomial(const Body *body, Arena *arena, Polynomial *room) {
-    const int64_t pairs = body->p->mass_pairs, columns = body->p->modes + pairs + body->p->mass_products;
+    const int64_t pairs = body->p->mass_pairs, columns = body->p->modes + body->p->mass_squares + body->p->mass_products;
     room->x = take(arena, columns);
     room->slope = take(arena, columns);
     room->value = take(arena, body->p->mass_forms);
@@ -19,14 +19,14 @@ void take_polynomial(const Body *body, Arena *arena, Polynomial *room) {
 static void by_pairs(const Body *body, Polynomial *room, double *out) {
     const Program *p = body->p;
     const int64_t pairs = p->mass_pairs;
-    rows_times(p->mass_value, room->x, room->value, p->mass_forms, p->modes + pairs);
+    rows_times(p->mass_value, room->x, room->value, p->mass_forms, p->modes + p->mass_squares);
     memset(out, 0, (size_t)pairs * sizeof(double));
     add_rows(room->value, p->mass_form, out, p->mass_forms, pairs);
 }
 
 /* q and the pairs of its first coordinates. */
 static void powers(const Program *p, const double *q, double *x) {
-    const int64_t r = p->inertial_modes;
+    const int64_t r = p->slow_modes;
     memcpy(x, q, (size_t)p->modes * sizeof(double));
     x += p->modes;
     for (int64_t a = 0; a < r; a++)
@@ -84,8 +84,8 @@ static void by_coordinates(const Body *body, const double *q, Polynomial *room, 
     double *pair = room->slope + body->p->modes;
     memcpy(out, room->slope, (size_t)body->p->modes * sizeof(double));
     /* A pair's product changes by both of its factors. */
-    for (int64_t i = 0; i < body->p->mass_pairs; i++) pair[i] *= 2.0;
-    add_times(pair, q, body->p->inertial_modes, out);
+    for (int64_t i = 0; i < body->p->mass_squares; i++) pair[i] *= 2.0;
+    add_times(pair, q, body->p->slow_modes, out);
 }
 
 /* What a table's columns do to v M v / 2 at a fixed v. */
@@ -101,13 +101,13 @@ static void kinetic_slope(const Body *body, const double *v, const double *table
 }
 
 void polynomial_gradient(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
-    kinetic_slope(body, v, body->p->mass_value, body->p->modes + body->p->mass_pairs, room, room->slope);
+    kinetic_slope(body, v, body->p->mass_value, body->p->modes + body->p->mass_squares, room, room->slope);
     by_coordinates(body, q, room, out);
 }
 
 /* Products of q beyond pairs of its first coordinates, each of a coordinate and what stands before it, behind these. */
 static void products(const Program *p, const double *q, double *x) {
-    double *next = x + p->modes + p->mass_pairs;
+    double *next = x + p->modes + p->mass_squares;
     powers(p, q, x);
     for (int64_t k = 0; k < p->mass_products; k++) *next++ = q[p->mass_factor[2 * k]] * x[p->mass_factor[2 * k + 1]];
 }
@@ -119,7 +119,7 @@ void omitted_momentum(const Body *body, const double *q, const double *v, Polyno
         return;
     }
     products(p, q, room->x);
-    rows_times(p->mass_further, room->x + p->modes + p->mass_pairs, room->value, p->mass_forms, p->mass_products);
+    rows_times(p->mass_further, room->x + p->modes + p->mass_squares, room->value, p->mass_forms, p->mass_products);
     memset(room->pairs, 0, (size_t)p->mass_pairs * sizeof(double));
     add_rows(room->value, p->mass_form, room->pairs, p->mass_forms, p->mass_pairs);
     memset(out, 0, (size_t)p->modes * sizeof(double));
@@ -128,7 +128,7 @@ void omitted_momentum(const Body *body, const double *q, const double *v, Polyno
 
 void omitted_gradient(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
     const Program *p = body->p;
-    const int64_t before = p->modes + p->mass_pairs;
+    const int64_t before = p->modes + p->mass_squares;
     if (!p->inertial) {
         polynomial_gradient(body, q, v, room, out);
         return;
@@ -158,7 +158,7 @@ int factor_mass(double *mass, int64_t n) {
 
 void polynomial_centre(const Body *body, const double *q, Polynomial *room, double *centre, double *derivative) {
     const Program *p = body->p;
-    const int64_t columns = p->modes + p->mass_pairs;
+    const int64_t columns = p->modes + p->mass_squares;
     powers(body->p, q, room->slope);
     rows_times(p->mass_centre, room->slope, centre, 3, columns);
     for (int i = 0; i < 3; i++) {
@@ -168,7 +168,7 @@ void polynomial_centre(const Body *body, const double *q, Polynomial *room, doub
 }
 
 void polynomial_convective(const Body *body, const double *q, const double *v, Polynomial *room, double *out) {
-    const int64_t r = body->p->inertial_modes, m = body->p->modes;
+    const int64_t r = body->p->slow_modes, m = body->p->modes;
     double *x = room->x + m;
     polynomial_gradient(body, q, v, room, out);
     for (int64_t j = 0; j < m; j++) out[j] = -out[j];
@@ -176,5 +176,5 @@ void polynomial_convective(const Body *body, const double *q, const double *v, P
     for (int64_t a = 0; a < r; a++)
         for (int64_t b = a; b < r; b++) *x++ = q[a] * v[b] + v[a] * q[b];
     by_pairs(body, room, room->rates);
-    add_times(room->rates, v, r, out);
+    add_times(room->rates, v, body->p->inertial_modes, out);
 }

@@ -139,12 +139,13 @@ static const char *inconsistent(const Program *p) {
         if (p->stress_start[i + 1] < p->stress_start[i]) return "stress points are out of order";
     if (p->inertial_modes > m || (p->inertial_modes > 0) != (p->lumps > 0 || p->mass_forms > 0) || p->lumped != (p->lumps > 0) || (p->lumped && p->mass_forms) ||
         2 * p->mass_pairs != (p->mass_forms ? p->inertial_modes * (p->inertial_modes + 1) : 0) ||
+        2 * p->mass_squares != p->slow_modes * (p->slow_modes + 1) || p->slow_modes > p->inertial_modes || (p->slow_modes > 0) != (p->mass_forms > 0) ||
         (p->inertial ? !p->inertial_modes || !s || p->tied : p->lumps) || (p->inertial && p->mass_forms && p->rigid && !p->turns) ||
         p->centres != (p->inertial && p->mass_forms && p->turn_slides ? 3 : 0))
         return "the deformed body's mass is neither that of lumps nor a polynomial";
     if (p->mass_products && (!p->mass_forms || p->rigid)) return "products are of no polynomial";
     for (int64_t i = 0; i < 2 * p->mass_products; i++)
-        if (!within(p->mass_factor + i, 1, 0, i % 2 ? m + p->mass_pairs - 1 : m - 1)) return "a product is of no coordinates";
+        if (!within(p->mass_factor + i, 1, 0, i % 2 ? m + p->mass_squares - 1 : m - 1)) return "a product is of no coordinates";
     if (!positive(p->lump_mass, p->lumps, 1)) return "a lump's mass is negative";
     if (p->body_size[0] < 0.0) return "the body's size is negative";
     if (!(p->suggested_step[0] > 0.0)) return "the suggested step is not positive";

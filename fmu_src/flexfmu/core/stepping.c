@@ -148,7 +148,7 @@ static double most_rounds(const Body *body) {
 static double doubtful_rounds(const Body *body) {
     const Program *p = body->p;
     const double m = (double)p->modes, joints = p->tied ? m * m * (1.0 + (double)p->pulls) : 0.0;
-    const double mass = p->inertial || p->turns ? 2.0 * (double)p->mass_forms * (m + 2.0 * (double)p->mass_pairs) : 0.0;
+    const double mass = p->inertial || p->turns ? 2.0 * (double)p->mass_forms * (m + (double)(p->mass_squares + p->mass_pairs)) : 0.0;
     return READ * body->limits.most / fmax(1.0, (double)p->bends + (double)p->stretch_numbers + joints + mass);
 }
 

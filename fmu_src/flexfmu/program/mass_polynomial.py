@@ -59,11 +59,11 @@ def _of_part(body: ReducedBody) -> MassPolynomial | None:
 
     Stiff coordinates enter to first order, so that they are stretched by what turns and swings.
     """
-    rigid, count, turning = body.rigid_count, inertial_modes(body), turning_of(body)
+    rigid, count, turning = body.rigid_count, inertial_modes(body, True), turning_of(body)
     if rigid and turning is None:
         return None
     omega, (whole, turn) = body.angular_frequency[rigid:], np.split(_largest_turn(body), [rigid])
-    known, further = _products(count - rigid, omega.size, bool(rigid))
+    known, further = _products(inertial_modes(body) - rigid, omega.size, bool(rigid))
     # What hardly moves the lumps is taken as far as the softest motion's energy takes it.
     found = _derivatives(body, 1.0 / np.maximum(turn, turn[0] * omega / omega[0]), turning, known + further)
     mass, centre = found[:, : count * count].reshape(-1, count, count), found[: len(known), count * count :].T
@@ -134,7 +134,7 @@ def _derivatives(body: ReducedBody, size: FloatArray, turning: Turning | None, o
 def _lumps_mass(body: ReducedBody, turning: Turning | None) -> Callable[[FloatArray], FloatArray]:
     """From elastic coordinates to the mass of the lumps, row by row, and the centre where it slides."""
     rigid, core = body.rigid_count, Core(compile_program(body, Method.SECOND_ORDER, Mass.CONFIGURATION))
-    count, slides = inertial_modes(body), turning is not None and turning.slides
+    count, slides = inertial_modes(body, True), turning is not None and turning.slides
 
     def found(way: FloatArray) -> FloatArray:
         mass: FloatArray = core.mass(np.concatenate([np.zeros(rigid), way]))[:count, :count]

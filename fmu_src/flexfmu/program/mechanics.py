@@ -198,7 +198,7 @@ def _put_inertia(
     draft: Draft, body: ReducedBody, recipe: Recipe, mass: Mass, tree: Tree, lumped: LumpedMass | None
 ) -> None:
     """Mass of the deformed body, or what constant mass leaves out of it."""
-    kept, polynomial = inertial_modes(body, lumped is not None), body.polynomial
+    kept, slow, polynomial = inertial_modes(body, True), inertial_modes(body), body.polynomial
     if lumped is not None:
         draft.sizes |= {"inertial": 1, "inertial_modes": kept, "lumped": 1}
         draft.arrays |= {
@@ -211,20 +211,22 @@ def _put_inertia(
         _put_spin(draft, body)
     elif polynomial is not None and recipe.kinematics in _TREES:
         # With constant mass it is there for the watch.
-        first, second = np.triu_indices(kept)
-        draft.sizes |= {"inertial": int(mass is Mass.POLYNOMIAL), "inertial_modes": kept, "mass_pairs": first.size}
-        # What belongs to a pair off the diagonal stands for both halves of its matrix.
-        both = np.where(first == second, 1.0, 2.0)
-        form, square = (part[:, first, second] * both for part in (polynomial.form, polynomial.square))
-        draft.sizes["mass_forms"] = len(form)
+        form, square = _pairs(polynomial.form, kept), _pairs(polynomial.square, slow)
+        draft.sizes |= {"inertial": int(mass is Mass.POLYNOMIAL), "inertial_modes": kept, "mass_pairs": form.shape[1]}
+        draft.sizes |= {"slow_modes": slow, "mass_squares": square.shape[1], "mass_forms": len(form)}
         draft.arrays |= {"mass_form": form, "mass_value": np.hstack([polynomial.linear, square])}
         if mass is Mass.POLYNOMIAL and polynomial.further is not None and polynomial.factor is not None:
             draft.sizes["mass_products"] = len(polynomial.factor)
             draft.arrays |= {"mass_further": polynomial.further, "mass_factor": polynomial.factor}
         if polynomial.centre is not None and polynomial.centre_square is not None:
             draft.sizes["centres"] = 3
-            square = polynomial.centre_square[:, first, second] * both
-            draft.arrays["mass_centre"] = np.hstack([polynomial.centre, square])
+            draft.arrays["mass_centre"] = np.hstack([polynomial.centre, _pairs(polynomial.centre_square, slow)])
+
+
+def _pairs(symmetric: FloatArray, count: int) -> FloatArray:
+    """Symmetric matrices (n, m, m) by pairs (n, k): one off the diagonal stands for both halves."""
+    first, second = np.triu_indices(count)
+    return symmetric[:, first, second] * np.where(first == second, 1.0, 2.0)
 
 
 def _turning(body: ReducedBody, frames: int) -> tuple[FloatArray, IntArray]:
@@ -284,11 +286,11 @@ def _lumped(body: ReducedBody, mass: Mass) -> LumpedMass | None:
     return body.inertia if body.inertia.mass.size else None
 
 
-def inertial_modes(body: ReducedBody, lumped: bool = False) -> int:
-    """How many of the first coordinates the mass of the deformed body knows of."""
+def inertial_modes(body: ReducedBody, rates: bool = False) -> int:
+    """How many of the first coordinates the mass of the deformed body changes by, or whose rates it knows of."""
     omega, rigid = body.angular_frequency, body.rigid_count
     slow = int(np.searchsorted(omega, _SLOW * omega[rigid], side="right"))
-    return min(max(slow, rigid + _SLOW_MODES, body.mass_modes if lumped else 0), body.mode_count)
+    return min(max(slow, rigid + _SLOW_MODES, body.mass_modes if rates else 0), body.mode_count)
 
 
 def _put_spin(draft: Draft, body: ReducedBody) -> None:
