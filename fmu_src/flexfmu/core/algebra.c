@@ -38,7 +38,7 @@ void product(const double *a, const double *b, double *out, int64_t n, int64_t m
 /* Row i finds its pivot, and takes itself off each row k after it. */
 int lu_factor(double *a, int64_t *pivot, int64_t n, Slice *slice) {
     COUNT(2 * n * n * n / 3);
-    Rows rows = rows_due(slice, pairs_of(n), (double)(n + 24));
+    Rows rows = rows_due(slice, pairs_of(n), (double)(n + 40));
     int64_t i, k;
     column_pair_of(rows.at, n, &k, &i);
     for (; rows.at < rows.end; rows.at++) {
@@ -104,7 +104,7 @@ enum { COLUMNS = 8 };
 
 int cholesky(double *a, int64_t n, Slice *slice) {
     for (int64_t first = 0; first < n; first += COLUMNS) {
-        const Fours now = fours_due(slice, n - first, (double)(4 * COLUMNS * (n / 3 + 60)));
+        const Fours now = fours_due(slice, n - first, (double)(4 * COLUMNS * (first + 60)));
         const int64_t at = first + now.at, end = at + now.count;
         for (int64_t j = first; j < end && j < first + COLUMNS; j++)
             for (int64_t i = j > at ? j : at; i < end; i++) {
@@ -202,12 +202,20 @@ void symmetric_eigen(double *a, double *values, double *v, int64_t n) {
     }
 }
 
+/* Rows of a triangle whose pieces lie behind, which then are met: those of the first k are k (2n + 1 - k). */
+static int64_t rows_passed(Slice *slice, int64_t n) {
+    if (!slice || slice->until == COUNTS || slice->done <= slice->met) return 0;
+    const double all = (double)(2 * n + 1), behind = (double)(slice->done - slice->met);
+    const int64_t k = (int64_t)(0.5 * (all - sqrt(all * all - 4.0 * behind)));
+    return passed(slice, k * (2 * n + 1 - k)) ? k : 0;
+}
+
 /* Tridiagonal form by Householder's reflections (e.g. G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed., 8.3): vector k lies
  * in row k right of the diagonal, its factor in scale[k]. */
 static void reduce_to_tridiagonal(double *a, double *off, double *scale, double *work, int64_t n, Slice *slice) {
     COUNT(4 * n * n * n / 3);
     if (passed(slice, (n - 1) * (n + 2))) return;
-    for (int64_t k = 0; k + 1 < n; k++) {
+    for (int64_t k = rows_passed(slice, n); k + 1 < n; k++) {
         const int64_t left = n - k - 1;
         if (over(slice)) return;
         if (dealt_with(slice, 2 * left + 2, (double)(left * (5 * left + 46) + 80) / (double)(2 * left + 2))) continue;

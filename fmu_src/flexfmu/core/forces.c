@@ -391,7 +391,7 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
             add_transposed_product(p->load_operator + 3 * (p->interfaces + i) * m, room->row, out, 3, m, m);
         }
     if (over(body->slice)) return;
-    now = rows_due(body->slice, m, (double)(3 * m));
+    now = rows_due(body->slice, m, (double)(5 * m));
     for (int64_t j = now.at * m; j < now.end * m; j++) out[j] = -out[j];
     for (int64_t j = now.at; j < now.end; j++) out[j * m + j] += body->opened->stiffness[j];
     if (p->ties) add_tie_stiffness(body, at, pull, room, out);

@@ -287,7 +287,7 @@ void submit(const Monitor *monitor, int kind, const StepEnd *end, double weight,
  * a configuration costs, a few of which make a step, and what all of them can bear. */
 static double slice_size(const Body *body) {
     const double cost = configuration_cost(body);
-    return forces_depend(body) ? 18000.0 + 0.285 * cost : fmax(3750.0, 100.0 + 1.4 * cost);
+    return forces_depend(body) ? 18000.0 + 0.285 * cost : fmax(3750.0, 100.0 + 1.25 * cost);
 }
 
 /* Slices up to which a look counts its pieces, and tells what it has found, in a step that does one: else each has a step. */

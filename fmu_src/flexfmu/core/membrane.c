@@ -86,7 +86,7 @@ void stretch_at(const Body *body, const double *q, Stretch *at) {
         const double *x = coordinates_of(body, &forms, q, at);
         for (int64_t r = 0; r < count; r += LANES)
             four_rows(body, forms.packed + r / LANES * packed_size(k), x, at->slope + forms.slope + r * k, k);
-        const Rows now = rows_due(body->slice, count, (double)(2 * k));
+        const Rows now = rows_due(body->slice, count, (double)(2 * k + 16));
         for (int64_t r = forms.first + now.at; r < forms.first + now.end; r++) {
             at->bent[r] = at->whole[r] = dot(at->slope + forms.slope + (r - forms.first) * k, x, k);
             if (!forms.basis) at->whole[r] += dot(p->stretch_linear + r * m, q, m);
@@ -349,7 +349,7 @@ static void add_stiffness(const Body *body, const Stretch *at, int steep, double
             for (int64_t r = 0; r < count; r++)
                 for (int64_t i = 0; i < some; i++) at->row[r * some + i] = 2.0 * four[r] * slopes[r * k + rows.at + i];
             if (some) add_transposed_product(at->row, slopes, square + rows.at * k, count, some, k);
-            add_four(body, whole, forms.packed + (group - forms.first) / LANES * packed_size(k), square, k);
+            add_four(body, whole, forms.packed + (group - forms.first) / LANES * packed_size(k), square, k, added_cost(k));
         }
         if (!forms.basis || over(body->slice)) continue;
         Rows now = rows_due(body->slice, k, 2.2 * (double)(k * m));

@@ -198,16 +198,17 @@ static void add_curvature_stiffness(const Body *body, const double *rows, LoadSl
         const Bend *bend = body->opened->bends + part;
         const double *curvature = bend->curvature;
         const int64_t groups = packed_groups(r), size = packed_size(r);
-        const double cost = added_cost(r);
+        /* They are near, since the places have just been found by them. */
+        const double cost = 0.5 * added_cost(r);
         clear_rows(square, r, rows_due(body->slice, r, cost_of_copy(r)));
         for (int64_t first = 0; first < bend->count && !over(body->slice); first += LANES, curvature += size) {
             double factors[LANES] = {0.0};
             if (dealt_with(body->slice, groups, cost)) continue;
             for (int64_t k = first; k < first + LANES && k < bend->count; k++) factors[k - first] = rows[bend->row[k]];
-            add_four(body, factors, curvature, square, r);
+            add_four(body, factors, curvature, square, r, cost);
         }
         if (!basis) {
-            const Rows now = rows_due(body->slice, m, (double)(2 * m));
+            const Rows now = rows_due(body->slice, m, (double)(3 * m));
             for (int64_t j = now.at * m; j < now.end * m; j++) out[j] += square[j];
             continue;
         }

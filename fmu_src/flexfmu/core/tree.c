@@ -83,9 +83,10 @@ int wanted(const Program *p, const Need *need, int64_t row) {
     return !need || (node < p->nodes ? need[node].offset : need[node - p->nodes].turn);
 }
 
-/* A number that comes from memory that is far away costs as much as four that do not. */
-static double packed_cost(int64_t r) { return 1.4 * (double)(LANES * r * r) / (double)packed_groups(r); }
-double added_cost(int64_t r) { return (r < 65 ? 0.65 + 0.03 * (double)r : 2.6) * packed_cost(r); }
+/* A number that comes from memory that is far away costs as much as four that do not; a group of few takes as long as its call. */
+static double group_cost(int64_t r) { return 1.4 * (double)(LANES * r * r) / (double)packed_groups(r); }
+static double packed_cost(int64_t r) { return 100.0 + group_cost(r); }
+double added_cost(int64_t r) { return (r < 65 ? 0.65 + 0.03 * (double)r : 2.6) * group_cost(r); }
 
 void four_rows(const Body *body, const double *packed, const double *x, double *rows, int64_t r) {
     const int64_t groups = packed_groups(r);
@@ -99,9 +100,9 @@ void four_rows(const Body *body, const double *packed, const double *x, double *
     unpack(body->scratch.four, rows, r);
 }
 
-void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r) {
+void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r, double cost) {
     const int64_t groups = packed_groups(r);
-    const Rows now = rows_due(body->slice, groups, added_cost(r));
+    const Rows now = rows_due(body->slice, groups, cost);
     if (now.at == now.end || all_zero(factors, LANES)) return;
     if (now.end - now.at == groups) add_packed(factors, packed, out, r, 0, groups);
     /* Of rows of a triangle a long and a short one in turn. */
@@ -146,7 +147,7 @@ static void bend_rows(const Body *body, const Need *need, Configuration *at) {
 /* The pass outwards, (4) and (6). What is not needed stays where it was undeformed. */
 static void place(const Body *body, const Need *need, Configuration *at) {
     const Program *p = body->p;
-    const Rows now = rows_due(body->slice, p->nodes, 1.5 * NODE);
+    const Rows now = rows_due(body->slice, p->nodes, 2.0 * NODE);
     for (int64_t k = now.at; k < now.end; k++) {
         const int64_t on = p->parent[k];
         const double *parent = on < 0 ? IDENTITY : at->rotation + 9 * on;

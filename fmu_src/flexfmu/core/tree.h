@@ -50,7 +50,7 @@ int wanted(const Program *p, const Need *need, int64_t row);
 void turn_rows(const Body *body, const Need *need, const double *bent, double *to);
 /* Of LANES packed matrices (r, r): rows (LANES, r) = matrices times x (r), and out (r, r) += their sum times factors; by pieces. */
 void four_rows(const Body *body, const double *packed, const double *x, double *rows, int64_t r);
-void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r);
+void add_four(const Body *body, const double *factors, const double *packed, double *out, int64_t r, double cost);
 /* Cost of a piece of the latter, of which there are as many as groups. */
 double added_cost(int64_t r);
 

@@ -44,8 +44,10 @@ void judgement_demand(const Body *body, Arena *arena) {
 
 /* out (e, e) = the sum of symmetric matrices, their lower triangles in units, times factors. */
 static void sum_of_triangles(const double *factors, const double *unit, const int16_t *triangles, int64_t count, int64_t e, double *out, Slice *slice) {
-    const Rows now = rows_due(slice, e, (double)(count * e));
-    for (int64_t i = now.at; i < now.end; i++) {
+    const Rows now = rows_due(slice, e, (double)(count * e) * 0.7 + (double)(10 * e));
+    for (int64_t k = now.at; k < now.end; k++) {
+        /* A short and a long one in turn. */
+        const int64_t i = k % 2 == 0 ? k / 2 : e - 1 - k / 2;
         memset(out + i * e, 0, (size_t)(i + 1) * sizeof(double));
         add_strided_shorts(factors, unit, triangles + i * (i + 1) / 2, e * (e + 1) / 2, out + i * e, count, i + 1);
         for (int64_t j = 0; j < i; j++) out[j * e + i] = out[i * e + j];
@@ -54,9 +56,14 @@ static void sum_of_triangles(const double *factors, const double *unit, const in
 
 /* true = 1 + sum of loads times `change`, and what is missed of it. */
 static void judged(const Body *body, const double *inputs, double *change, double *missed, Slice *slice) {
-    const int64_t e = body->p->elastic_count;
-    sum_of_triangles(inputs, body->p->judge_unit, body->p->judge_change, body->p->loads, e, change, slice);
-    sum_of_triangles(inputs, body->p->judge_unit + body->p->loads, body->p->judge_missed, body->p->loads, e, missed, slice);
+    const Program *p = body->p;
+    const int64_t e = p->elastic_count;
+    sum_of_triangles(inputs, p->judge_unit, p->judge_change, p->loads, e, change, slice);
+    /* Methods that know of no loads miss all that they do. */
+    if (p->judge_missed == p->judge_change)
+        copy_rows(change, missed, e, rows_due(slice, e, cost_of_copy(e)));
+    else
+        sum_of_triangles(inputs, p->judge_unit + p->loads, p->judge_missed, p->loads, e, missed, slice);
     const Rows now = rows_due(slice, e, (double)(2 * e));
     for (int64_t i = now.at * e; i < now.end * e; i++) missed[i] = -missed[i];
     for (int64_t i = now.at; i < now.end; i++) change[i * (e + 1)] += 1.0;
@@ -163,7 +170,7 @@ void pieces_of_missed(Body *body, const double *inputs, Arena arena, Slice *slic
     if (due(slice, 1.0)) found[STABLE] = 1.0;
     copy_rows(missed, square, e, rows_due(slice, e, cost_of_copy(e)));
     congruent(lower, square, e, slice);
-    Rows now = rows_due(slice, e, (double)e);
+    Rows now = rows_due(slice, e, (double)(2 * e));
     for (int64_t i = now.at * e; i < now.end * e; i++) lower[i] = -square[i];
     smallest_eigen(square, room.values + e, found + LEAST, room.values, e, slice);
     smallest_eigen(lower, room.values + e, found + MOST, room.values, e, slice);
