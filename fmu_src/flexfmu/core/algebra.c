@@ -202,14 +202,6 @@ void symmetric_eigen(double *a, double *values, double *v, int64_t n) {
     }
 }
 
-/* Rows of a triangle whose pieces lie behind, which then are met: those of the first k are k (2n + 1 - k). */
-static int64_t rows_passed(Slice *slice, int64_t n) {
-    if (!slice || slice->until == COUNTS || slice->done <= slice->met) return 0;
-    const double all = (double)(2 * n + 1), behind = (double)(slice->done - slice->met);
-    const int64_t k = (int64_t)(0.5 * (all - sqrt(all * all - 4.0 * behind)));
-    return passed(slice, k * (2 * n + 1 - k)) ? k : 0;
-}
-
 /* Tridiagonal form by Householder's reflections (e.g. G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed., 8.3): vector k lies
  * in row k right of the diagonal, its factor in scale[k]. */
 static void reduce_to_tridiagonal(double *a, double *off, double *scale, double *work, int64_t n, Slice *slice) {

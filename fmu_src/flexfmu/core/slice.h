@@ -3,6 +3,7 @@
 #ifndef FLEX_SLICE_H
 #define FLEX_SLICE_H
 
+#include <math.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -101,6 +102,14 @@ static inline int passed(Slice *slice, int64_t pieces) {
     if (!slice || slice->met + pieces > slice->done) return 0;
     slice->met += pieces;
     return 1;
+}
+
+/* Rows of a triangle whose pieces lie behind, which then are met: those of the first k are k (2n + 1 - k). */
+static inline int64_t rows_passed(Slice *slice, int64_t n) {
+    if (!slice || slice->until == COUNTS || slice->done <= slice->met) return 0;
+    const double all = (double)(2 * n + 1), behind = (double)(slice->done - slice->met);
+    const int64_t k = (int64_t)(0.5 * (all - sqrt(all * all - 4.0 * behind)));
+    return passed(slice, k * (2 * n + 1 - k)) ? k : 0;
 }
 
 /* The same, or so many of like cost that are only counted. */
