@@ -234,14 +234,14 @@ def _with_mass(
     """
     draft = Tentative(report)
     try:
-        body, certified = _reduced(use, options, model, draft, store)
-        if asked or keeps_its_mass(body):
+        body, certified, enough = _reduced(use, options, model, draft, store, asked)
+        if asked or (enough and keeps_its_mass(body)):
             return certified
         report.note(_FAR_BENT)
         plain = options.levels == DEFAULT_FRAMES and not (options.levels_asked or options.frames or options.branches)
         finer = replace(options, far=True, levels=(1 + plain) * options.levels, stored=options.stored | {Data.INERTIA})
         heavy, other = replace(use, variant=Variant(use.variant.method, Mass.CONFIGURATION)), Tentative(draft)
-        found, finer_certified = _reduced(heavy, finer, model, other, store)
+        found, finer_certified, _ = _reduced(heavy, finer, model, other, store)
         if not lumps_are_fine(found):
             report.note(_COARSE)
             return certified
@@ -253,9 +253,12 @@ def _with_mass(
 
 
 def _reduced(
-    use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store
-) -> tuple[ReducedBody, Callable[[], _Certified]]:
-    """The body, with the polynomial of its mass where it has any; what makes it with the shadow that tells most."""
+    use: BodyUse, options: BodyOptions, model: Model, report: Reporter, store: Store, asked: bool = False
+) -> tuple[ReducedBody, Callable[[], _Certified], bool]:
+    """The body, with the polynomial of its mass where it has any; what makes it with the shadow that tells most.
+
+    And whether its mass knows of as many coordinates as count, as it does where that polynomial is asked for.
+    """
     made: Joined | Reduced
     if options.cuts:
         made = reduced_parts(options, model, report, store)
@@ -263,7 +266,7 @@ def _reduced(
     else:
         made = reduced_whole(options, model, report, store)
         fine = [] if made.fine is None else [(made.fine, np.eye(made.body.mode_count))]
-    body = used_body(made.body, use)
+    body, enough = used_body(made.body, use), True
     lumped = made.fine if isinstance(made, Reduced) and body.mass is not Mass.CONFIGURATION else body
 
     def knowing(count: int) -> ReducedBody:
@@ -282,7 +285,8 @@ def _reduced(
     else:
         body = knowing(mass_modes(body, lumped, body.mass is Mass.CONFIGURATION))
         # A polynomial that knows of fewer reaches further.
-        if not keeps_its_mass(body) and mass_modes(body, lumped, dear=True) == inertial_modes(body):
+        if not (asked or keeps_its_mass(body)):
+            enough = mass_modes(body, lumped, dear=True) == inertial_modes(body)
             body = knowing(0)
     if isinstance(made, Reduced):
         report.tell(warnings=missed_by_lines(body, made.shapes, model.bushings.readings))
@@ -302,7 +306,7 @@ def _reduced(
             other = other.other
         return own, third
 
-    return body, certified
+    return body, certified, enough
 
 
 def _properties(options: BodyOptions, model: Model) -> Properties:

@@ -139,7 +139,7 @@ static const char *inconsistent(const Program *p) {
         if (p->stress_start[i + 1] < p->stress_start[i]) return "stress points are out of order";
     if (p->inertial_modes > m || (p->inertial_modes > 0) != (p->lumps > 0 || p->mass_forms > 0) || p->lumped != (p->lumps > 0) || (p->lumped && p->mass_forms) ||
         2 * p->mass_pairs != (p->mass_forms ? p->inertial_modes * (p->inertial_modes + 1) : 0) ||
-        2 * p->mass_squares != p->slow_modes * (p->slow_modes + 1) || p->slow_modes > p->inertial_modes || (p->slow_modes > 0) != (p->mass_forms > 0) ||
+        2 * p->mass_squares != (p->mass_forms ? p->slow_modes * (p->slow_modes + 1) : 0) || p->slow_modes > p->inertial_modes || (p->slow_modes > 0) != (p->inertial_modes > 0) ||
         (p->inertial ? !p->inertial_modes || !s || p->tied : p->lumps) || (p->inertial && p->mass_forms && p->rigid && !p->turns) ||
         p->centres != (p->inertial && p->mass_forms && p->turn_slides ? 3 : 0))
         return "the deformed body's mass is neither that of lumps nor a polynomial";

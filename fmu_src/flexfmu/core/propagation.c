@@ -50,19 +50,22 @@ void propagate(const Rule *r, int64_t j, double w, double z) {
     r->lag[j] = 0.0;
 }
 
+void propagate_middle(const Rule *r, int64_t j, double stiffness, double rate) {
+    const double h = r->step, a = 0.25 * stiffness * h * h, b = 0.5 * rate * h, whole = 1.0 + a + b;
+    r->p11[j] = (1.0 - a + b) / whole;
+    r->p12[j] = h / whole;
+    r->p21[j] = -stiffness * h / whole;
+    r->p22[j] = (1.0 - a - b) / whole;
+    r->gq[j] = 0.5 * h * h / whole;
+    r->gv[j] = h / whole;
+}
+
 /* Of a body with ties: modes that the step does not resolve go by the rule of the middle (17). */
 static void tie_rule(Body *body, Rule *r) {
     const int64_t m = body->p->modes;
     for (int64_t j = 0; j < m; j++) {
-        const double square = body->opened->stiffness[j], h = r->step;
-        if (body->p->omega[j] * h > RESOLVED) {
-            const double a = 0.25 * square * h * h, b = 0.5 * body->rate[j] * h, whole = 1.0 + a + b;
-            r->p11[j] = (1.0 - a + b) / whole;
-            r->p12[j] = h / whole;
-            r->p21[j] = -square * h / whole;
-            r->p22[j] = (1.0 - a - b) / whole;
-            r->gq[j] = 0.5 * h * h / whole;
-            r->gv[j] = h / whole;
+        if (body->p->omega[j] * r->step > RESOLVED) {
+            propagate_middle(r, j, body->opened->stiffness[j], body->rate[j]);
             /* No shorter step is wanted for what vibrates faster than the step can tell: there is always more of it. */
             r->ramp[j] = 0.0;
         }

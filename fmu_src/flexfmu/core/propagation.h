@@ -9,6 +9,8 @@ void take_rules(Body *body, Arena *arena);
 void take_rule(const Body *body, Arena *arena, Rule *rule);
 /* The rule of one mode of frequency w and damping ratio z. */
 void propagate(const Rule *rule, int64_t mode, double w, double z);
+/* The rule of the middle, which keeps energy as well, of a stiffness and 2 zeta w. */
+void propagate_middle(const Rule *rule, int64_t mode, double stiffness, double rate);
 /* The rule of a length of step; the last few are kept, since a master hardly ever changes its step. */
 const Rule *rule_of(Body *body, double step);
 

@@ -13,6 +13,8 @@ static const double TOLERANCE = 1e-12;
 /* Change below which what acts in the middle is left as it is: energy does not depend on it, and the rest far below the
  * error. */
 static const double SETTLED_ENOUGH = 1e-6;
+/* Angle by which a stiff mode that the step resolves turns in it at the most, rad. */
+static const double RESOLVED = 0.75;
 
 typedef struct {
     Step step;
@@ -78,16 +80,20 @@ static void end_force(const Inertial *x, const double *q, const double *v, const
 }
 
 /* Each mode goes exactly with the mass that it has, coupled to no other, about where the internal step is half over; 0 where
- * that is none. Lumps leave it at one. */
+ * that is none. Lumps leave it at one, and so do stiff ones that follow slow motions: a force that is constant over a step that
+ * does not resolve them would set them ringing, the rule of the middle does not. */
 static int own_rule(Inertial *x) {
     Step *s = &x->step;
     const Body *body = s->body;
     const Program *p = body->p;
     const Rule *usual = rule_of(s->body, s->all->step), *own = &x->own;
+    for (int64_t j = p->slow_modes; j < p->inertial_modes; j++)
+        if (p->omega[j] * own->step > RESOLVED) propagate_middle(own, j, body->opened->stiffness[j], body->rate[j]);
     if (p->lumped) return 1;
     for (int64_t j = 0; j < p->modes; j++) x->half[j] = s->here->q[j] + 0.5 * usual->p12[j] * s->v0[j];
     polynomial_diagonal(body, x->half, &x->flow.polynomial, x->excess);
-    for (int64_t j = 0; j < p->inertial_modes; j++) {
+    for (int64_t j = p->slow_modes; j < p->inertial_modes; j++) x->excess[j] = 0.0;
+    for (int64_t j = 0; j < p->slow_modes; j++) {
         const double mass = 1.0 + x->excess[j], root = sqrt(fmax(mass, 0.0));
         s->all->massless = !(mass > LEAST_MASS);
         if (s->all->massless) return 0;

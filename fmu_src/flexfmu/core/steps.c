@@ -158,8 +158,8 @@ double leading_error(const Step *s, const double *first, const double *last, con
     double error = 0.0, energy = 0.0;
     for (int64_t j = 0; j < p->modes; j++) {
         const double lost = p->weight[j] * s->rule->ramp[j] * (last[j] - first[j]), strained = p->omega[j] * s->q1[j];
-        /* Stiff ones that lumps couple with slow ones ring, unless they are resolved where these are. */
-        const int rings = p->lumped && j < p->inertial_modes && p->omega[p->rigid] * s->all->step <= 1.0;
+        /* Those that lumps couple ring, unless they are resolved where the slowest is. */
+        const int rings = p->lumped && j < p->slow_modes && p->omega[p->rigid] * s->all->step <= 1.0;
         error += (rings ? 1.0 : felt(p->omega[j] * s->all->step)) * lost * lost;
         energy += strained * strained + v[j] * v[j];
     }

@@ -200,7 +200,7 @@ def _put_inertia(
     """Mass of the deformed body, or what constant mass leaves out of it."""
     kept, slow, polynomial = inertial_modes(body, True), inertial_modes(body), body.polynomial
     if lumped is not None:
-        draft.sizes |= {"inertial": 1, "inertial_modes": kept, "lumped": 1}
+        draft.sizes |= {"inertial": 1, "inertial_modes": kept, "slow_modes": slow, "lumped": 1}
         draft.arrays |= {
             "lump_mass": lumped.mass,
             "turning_inertia": lumped.turning,
