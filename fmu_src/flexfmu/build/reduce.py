@@ -257,7 +257,7 @@ def _reduced(
 ) -> tuple[ReducedBody, Callable[[], _Certified], bool]:
     """The body, with the polynomial of its mass where it has any; what makes it with the shadow that tells most.
 
-    And whether its mass knows of as many coordinates as count, as it does where that polynomial is asked for.
+    And whether its mass knows of as many coordinates as count, or cost little; one that is asked for does.
     """
     made: Joined | Reduced
     if options.cuts:
@@ -285,9 +285,9 @@ def _reduced(
     else:
         body = knowing(mass_modes(body, lumped, body.mass is Mass.CONFIGURATION))
         # A polynomial that knows of fewer reaches further.
-        if not (asked or keeps_its_mass(body)):
+        if not keeps_its_mass(body):
             enough = mass_modes(body, lumped, dear=True) == inertial_modes(body)
-            body = knowing(0)
+            body = knowing(0) if enough or not asked else body
     if isinstance(made, Reduced):
         report.tell(warnings=missed_by_lines(body, made.shapes, model.bushings.readings))
 
