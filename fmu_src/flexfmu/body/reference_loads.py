@@ -33,9 +33,8 @@ _SHORT = 1e-6
 _NEAR, _ALIKE = 0.25, 0.01
 # Share of the reference loads under which frequencies are compared, and how many of the lowest.
 _HALF, _LOWEST = 0.5, 3
-# Share that these may lack: by a polynomial, which lumps replace at a cost, by lumps, and where more cost little; of it
-# with as many as it takes.
-_BEARABLE, _SMALL, _LEAST, _PART = 5e-3, 2e-3, 1e-3, 0.5
+# Share that these may lack: by a polynomial, which lumps replace at a cost, else, and with as many as it takes.
+_BEARABLE, _SMALL, _NOTHING = 5e-3, 2e-3, 1e-3
 # Steps a slow period, how many are tried, and internal steps of each from which on a motion is too dear.
 _STEPS, _TRIED, _DEAR = 50, 25, 40
 # Difference from another body that is none to warn of, half of what an FMU warns of; and one that tells enough itself:
@@ -161,10 +160,9 @@ def mass_modes(body: ReducedBody, lumped: ReducedBody, dear: bool) -> int:
         return worst
 
     known = inertial_modes(body)
-    most = (_SMALL if body.mass is Mass.CONFIGURATION else _BEARABLE) if dear else _LEAST
-    if off(known) <= most:
+    if off(known) <= (_BEARABLE if dear and body.mass is not Mass.CONFIGURATION else _SMALL):
         return known
-    more = next(one for one in range(known, modes + 1) if one == modes or off(one) <= _PART * min(most, _SMALL))
+    more = next(one for one in range(known, modes + 1) if one == modes or off(one) <= _NOTHING)
     moving = FlexibleBody(replace(lumped, mass_modes=more), mass=Mass.CONFIGURATION)
     loads = [{name: (_HALF * force).tolist()} for _, name, force, _ in every]
     return more if not dear or _moves(moving, loads) else known

@@ -277,10 +277,11 @@ def _reduced(
             parts = [(replace(part, mass_modes=count), turn) for part, turn in fine]
             kept[key] = kept.get(key) or (fine, mass_polynomial(parts))
         found = kept[key][1]
-        constant = body.mass is Mass.POLYNOMIAL and (found is None or body.ties is not None)
-        return replace(body, polynomial=found, mass_modes=count, mass=Mass.CONSTANT if constant else body.mass)
+        falls = body.mass is Mass.POLYNOMIAL and (found is None or body.ties is not None)
+        return replace(body, polynomial=found, mass_modes=count, mass=Mass.CONSTANT if falls else body.mass)
 
-    if lumped is None or lumped.inertia is None or body.rigid_count or body.ties is not None:
+    constant = body.mass is Mass.CONSTANT or body.rigid_count or body.ties is not None
+    if constant or lumped is None or lumped.inertia is None:
         body = knowing(0)
     else:
         body = knowing(mass_modes(body, lumped, body.mass is Mass.CONFIGURATION))
