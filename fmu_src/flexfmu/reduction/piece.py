@@ -148,28 +148,28 @@ def reduced_piece(
 
     def certified() -> Reduced:
         with report.stage("Reduce the body once more, finer, to know its error"):
-            finer, finer_basis = _shadow(divided, basis, every, body.membrane is not None)
+            finer, finer_basis = _shadow(divided, basis, every)
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
         found = matrices.kept(key, "embedding", lambda: bodies.embedding(matrices.supported, shapes, own))
 
-        def known(one: ReducedBody, other: Reduced | None = None) -> Reduced:
+        def known(one: ReducedBody) -> Reduced:
             third, shadow = partial(completed_body, stretching, one), Shadow(one, found)
-            return replace(piece, body=replace(body, shadow=shadow), shadow_work=worked, third=third, other=other)
+            return replace(piece, body=replace(body, shadow=shadow), shadow_work=worked, third=third)
 
         worked, stretching = warping.T @ shapes, finer_basis.stretching(divided)
-        if finer.membrane is None or model.rigid.size or not finer.membrane.linear.any():
-            return known(finer)
-        # With the body's shapes as coordinates; whether others belong to them equilibria tell.
         rows = np.zeros((0, body.mode_count)) if body.membrane is None else body.membrane.linear
+        if finer.membrane is None or model.rigid.size:
+            return known(finer)
+        # With the body's shapes as coordinates, and no others.
         kept = np.sqrt(2.0) * rows[[any(row) for row in rows]] / body.angular_frequency**2
-        return known(replace(finer, membrane=stretching.keeping(finer.membrane, found @ kept.T)), known(finer))
+        return known(replace(finer, membrane=stretching.keeping(finer.membrane, found @ kept.T)))
 
     third = partial(completed_body, basis.stretching(divided), body)
     piece = Reduced(body, work, work, fine, own, span, certified, third)
     return piece
 
 
-def _shadow(divided: _Divided, basis: _Basis, every: FloatArray, stretches: bool) -> tuple[ReducedBody, _Basis]:
+def _shadow(divided: _Divided, basis: _Basis, every: FloatArray) -> tuple[ReducedBody, _Basis]:
     """The body once more, with more frames and all that its basis may lack under loads (3n, l)."""
     matrices, model, loads = basis.matrices.quiet, divided.model, divided.unit_loads()
     finer = bodies.shadow_options(divided.config, divided.subdomains)
@@ -181,8 +181,6 @@ def _shadow(divided: _Divided, basis: _Basis, every: FloatArray, stretches: bool
     third = partial(kept, "shapes of third order", bases.third_order_loads, (basis.key, far, cut), basis.modes, loads)
     added = [every, third(*bodies.THIRD[far], cut)]
     added.append(kept("shapes of buckling", bases.buckling_loads, (matrices.key, cut), loads, cut))
-    if stretches and not divided.cut:
-        added.append(kept("displacements of second order", bases.turning_loads, matrices.key, loads))
     modes, key = bases.completed_basis(matrices, basis.modes, basis.key, np.hstack(added))
     again = _divided(finer, model, matrices.report, divided.springs, divided.cut)
     if not divided.cut and not model.rigid.size:
