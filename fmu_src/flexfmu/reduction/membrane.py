@@ -198,8 +198,8 @@ class Stretching:
         kept = values > max(least * values[-1], _LEAST * 0.5 * (_TURN * softest) ** 2)
         return (vectors[:, kept] * np.sqrt(values[kept]) / self._root[:, None]).T
 
-    def _evading(self) -> Membrane:
-        """What w is as far as the basis turns material like it; no energy.
+    def _evading(self, kept: FloatArray) -> Membrane:
+        """What w is beside shapes (k, e) that are coordinates, as far as the basis turns material like it; no energy.
 
         By energy stretch is most of w, which the basis has by shapes that bend as well.
         """
@@ -208,7 +208,7 @@ class Stretching:
         several = np.split(answers, range(count, answers.shape[1], count), axis=1)
         turned = np.hstack([mean_spin(mesh, np.hstack([unit, whole(one)]), count)[:, count:] for one in several])
         known = np.linalg.solve(self._spin + _FAINT * self._spin.diagonal().max() * np.eye(count), turned)
-        shapes, sizes, forms = np.linalg.svd(known * self._root, full_matrices=False)
+        shapes, sizes, forms = np.linalg.svd((known - kept.T @ (kept @ known)) * self._root, full_matrices=False)
         large = sizes > _PARTLY * sizes[0]
         rows = forms[large] * sizes[large, None] / self._root / np.sqrt(2.0)
         found = self._membrane_of(rows, shapes.T[large] / np.sqrt(2.0), np.zeros(large.sum()))
@@ -284,7 +284,7 @@ class Stretching:
         own = self._membrane_of(rows @ self._stretches()["work"], rows, np.ones(len(rows)))
         return Membrane.joined([membrane.shapeless, own])
 
-    def third_order(self, membrane: Membrane, body: ReducedBody) -> Membrane:
+    def third_order(self, membrane: Membrane, body: ReducedBody, evades: bool) -> Membrane:
         """The same, and what the places of a body with it miss at third order in its softest motions under loads."""
         unit, mesh, count = self._shapes / self._omega, self.matrices.model.mesh, self.loads.shape[1] // 2
         # Motions of unit energy, and the loads that cause them, which no rigid motion feels.
@@ -325,9 +325,8 @@ class Stretching:
         forms, signs = missed_energy(body, q, pulls, *stiff, sums, work, least, partial(bushings.third, fields))
         # Stiffness is of fifth order, of which this is a part only.
         more = Membrane.of(rows, forms, np.zeros((len(forms), rows.shape[1])), signs, 0.0 * signs)
-        # Shapes that are coordinates are most of w.
-        evades = membrane.sign.any() and not (shapes.size or self.part or self._elastic[0])
-        return Membrane.joined([membrane, more, *([self._evading()] if evades else [])])
+        evades = evades and bool(membrane.sign.any()) and not (self.part or self._elastic[0])
+        return Membrane.joined([membrane, more, *([self._evading(shapes)] if evades else [])])
 
     def _refuse_what_does_not_fit(self, pairs: int) -> None:
         """Refuse more pairs than the memory holds, before any is begun."""
@@ -401,15 +400,17 @@ def membrane_energy(
     return membrane
 
 
-def completed_body(stretching: Stretching, body: ReducedBody) -> ReducedBody:
+def completed_body(stretching: Stretching, body: ReducedBody, evades: bool = False) -> ReducedBody:
     """A body that has as energy what its places miss at third order, unless ties work on them, too."""
     if body.ties is not None:
         return body
     none = np.zeros((0, body.mode_count))
     membrane = body.membrane or Membrane.of(none, np.zeros((0, 0, 0)), none, np.zeros(0), np.zeros(0))
     places = stretching.part, body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
-    key = content_key(__name__, "third order", stretching.key, stretching.loads, *asdict(membrane).values(), *places)
-    find = partial(stretching.third_order, membrane, body)
+    key = content_key(
+        __name__, "third order", evades, stretching.key, stretching.loads, *asdict(membrane).values(), *places
+    )
+    find = partial(stretching.third_order, membrane, body, evades)
     return replace(body, membrane=_kept(stretching.matrices, key, "what places miss at third order", find))
 
 

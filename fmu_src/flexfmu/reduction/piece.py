@@ -152,17 +152,19 @@ def reduced_piece(
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
         found = matrices.kept(key, "embedding", lambda: bodies.embedding(matrices.supported, shapes, own))
 
-        def known(one: ReducedBody) -> Reduced:
-            third, shadow = partial(completed_body, stretching, one), Shadow(one, found)
-            return replace(piece, body=replace(body, shadow=shadow), shadow_work=worked, third=third)
+        rows = np.zeros((0, body.mode_count)) if body.membrane is None else body.membrane.linear
+
+        def known(one: ReducedBody, other: Reduced | None = None) -> Reduced:
+            third, shadow = partial(completed_body, stretching, one, not rows.any()), Shadow(one, found)
+            return replace(piece, body=replace(body, shadow=shadow), shadow_work=worked, third=third, other=other)
 
         worked, stretching = warping.T @ shapes, finer_basis.stretching(divided)
-        rows = np.zeros((0, body.mode_count)) if body.membrane is None else body.membrane.linear
         if finer.membrane is None or model.rigid.size:
             return known(finer)
         # With the body's shapes as coordinates, and no others.
         kept = np.sqrt(2.0) * rows[[any(row) for row in rows]] / body.angular_frequency**2
-        return known(replace(finer, membrane=stretching.keeping(finer.membrane, found @ kept.T)))
+        alone = None if rows.any() or not finer.membrane.linear.any() else known(finer)
+        return known(replace(finer, membrane=stretching.keeping(finer.membrane, found @ kept.T)), alone)
 
     third = partial(completed_body, basis.stretching(divided), body)
     piece = Reduced(body, work, work, fine, own, span, certified, third)
