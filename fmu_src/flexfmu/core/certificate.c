@@ -445,7 +445,7 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
         if (due(slice, (double)(800 * interfaces))) {
             places_in(shadow->p, &room->at, room->other);
             apart(room->moved, room->other, interfaces, room->error);
-            for (int64_t i = 0; i < 2 * interfaces; i++) room->error[i] = fmax(room->error[i], room->early[i]);
+            for (int64_t i = 0; i < interfaces; i++) room->error[2 * i] = fmax(room->error[2 * i], room->early[2 * i]);
             /* A step from so far may lead anywhere. */
             for (int64_t i = 0; i < 2 * interfaces && done_otherwise(slice, room, EASED); i++)
                 room->error[i] = fmin(room->error[i], room->found[i % 2 ? TURNED : REACH]);
