@@ -174,12 +174,6 @@ class Stretching:
         return answers
 
     @cached_property
-    def _products(self) -> FloatArray:
-        """Products (p, k) of two motions each."""
-        motions = (self.motions @ self._directions).T
-        return pair_products(*(motions[:, one] for one in np.triu_indices(len(self.motions))))
-
-    @cached_property
     def _size(self) -> FloatArray:
         """How large coordinates (r,) of unit energy get along the directions in motions that turn by `_TURN`."""
         least = _AMPLITUDE * np.linalg.norm(self.motions, axis=1).min()
@@ -260,8 +254,7 @@ class Stretching:
                 linear = [np.zeros((len(forms[0]), count)), shapes.T / np.sqrt(2.0)]
             signs = [np.ones(len(rows)) for rows in forms]
         if flattening:
-            small = _FLATTENED if keep_shapes else _FLATTENED_PARTS
-            forms.append(self._forms(self._flattening(), small))
+            forms.append(self._forms(self._flattening(), _FLATTENED if keep_shapes else _FLATTENED_PARTS))
             signs.append(-np.ones(len(forms[-1])))
         linear += [np.zeros((len(rows), count)) for rows in forms[len(linear) :]]
         return self._membrane_of(np.concatenate(forms), np.concatenate(linear), np.concatenate(signs))
@@ -344,12 +337,14 @@ class Stretching:
 
         The basis may know a mere shortening by shapes that bend as well: it misses a part of the turn at most.
         """
-        found = against @ self._products
+        motions = (self.motions @ self._directions).T
+        products = pair_products(*(motions[:, one] for one in np.triu_indices(len(self.motions))))
+        found = against @ products
         large = (found * (self._spin @ found)).sum(axis=0) > _LARGE**2
         found, unit = found[:, large], self._shapes / self._omega
         if not large.any():
             return found
-        fields = self.matrices.supported.whole(answers @ self._products[:, large])
+        fields = self.matrices.supported.whole(answers @ products[:, large])
         mesh = self.matrices.model.mesh
         # How far the material turns (rms), and how far where the basis does not know of it.
         turned, missed = (np.sqrt(mean_spin(mesh, one).diagonal()) for one in (fields, fields - unit @ found))
@@ -377,9 +372,8 @@ def membrane_energy(
     Membrane or None
     """
     matrices, report = stretching.matrices, stretching.matrices.report
-    stretched, flattened, least = bool(wanted), wanted is True, _STRETCH if keep_shapes else _OF_PARTS
-    if wanted == "finer":
-        least = _FINER
+    stretched, flattened = bool(wanted), wanted is True
+    least = _FINER if wanted == "finer" else _STRETCH if keep_shapes else _OF_PARTS
     if wanted == "auto":
         held, freed = energy_shares(matrices, stretching.loads[:, : stretching.loads.shape[1] // 2]).tolist()
         stretched, flattened = held > _NOTHING, freed > _FLAT and held < _SHELL
@@ -390,9 +384,9 @@ def membrane_energy(
         )
     if not stretched and not flattened:
         return None
-    how = stretching.tied, keep_shapes, stretched, flattened, least
-    key = content_key(__name__, stretching.key, stretching.loads, *how)
-    find = partial(stretching.membrane, stretched, flattened, keep_shapes, least)
+    how = stretched, flattened, keep_shapes, least
+    key = content_key(__name__, stretching.key, stretching.loads, stretching.tied, *how)
+    find = partial(stretching.membrane, *how)
     membrane = _kept(matrices, key, "membrane energy", find)
     if not membrane.sign.size:
         return None
@@ -406,10 +400,9 @@ def completed_body(stretching: Stretching, body: ReducedBody, evades: bool = Fal
         return body
     none = np.zeros((0, body.mode_count))
     membrane = body.membrane or Membrane.of(none, np.zeros((0, 0, 0)), none, np.zeros(0), np.zeros(0))
-    places = stretching.part, body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
-    key = content_key(
-        __name__, "third order", evades, stretching.key, stretching.loads, *asdict(membrane).values(), *places
-    )
+    how = evades, stretching.key, stretching.loads, stretching.part, body.frame_parent, body.joint_displacement
+    places = body.frame_rotation, body.interface_frame
+    key = content_key(__name__, "third order", *how, *places, *asdict(membrane).values())
     find = partial(stretching.third_order, membrane, body, evades)
     return replace(body, membrane=_kept(stretching.matrices, key, "what places miss at third order", find))
 
