@@ -270,13 +270,13 @@ def _reduced(
     lumped = made.fine if isinstance(made, Reduced) and body.mass is not Mass.CONFIGURATION else body
 
     def knowing(count: int) -> ReducedBody:
-        if not fine:
-            return replace(body, mass_modes=count)
-        with report.stage("Find how mass changes as the body bends"):
-            kept, key = model.mesh.kept, ("polynomial", count, *(id(part) for part, _ in fine))
-            parts = [(replace(part, mass_modes=count), turn) for part, turn in fine]
-            kept[key] = kept.get(key) or (fine, mass_polynomial(parts))
-        found = kept[key][1]
+        found = body.polynomial
+        if fine:
+            with report.stage("Find how mass changes as the body bends"):
+                kept, key = model.mesh.kept, ("polynomial", count, *(id(part) for part, _ in fine))
+                parts = [(replace(part, mass_modes=count), turn) for part, turn in fine]
+                kept[key] = kept.get(key) or (fine, mass_polynomial(parts))
+                found = kept[key][1]
         falls = body.mass is Mass.POLYNOMIAL and (found is None or body.ties is not None)
         return replace(body, polynomial=found, mass_modes=count, mass=Mass.CONSTANT if falls else body.mass)
 
