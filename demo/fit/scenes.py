@@ -162,12 +162,12 @@ def judging_scene(demonstration: Demonstration, scene: Scene, folder: Path) -> S
         rows = table[(load > 0.0) & (load <= peak * case.factors[-1] * (1.0 + 1e-9))]
         factors = rows[demonstration.column[case.name]] / peak
         path = _written(folder / f"{case.name}_calculix.csv", "factor", factors, rows, scene.read)
-        static.append(replace(case, factors=tuple(float(f) for f in factors), results=path))
+        static.append(case.model_copy(update={"factors": [float(f) for f in factors], "results": path}))
     transient = []
     for motion in scene.transient:
         table = np.genfromtxt(demonstration.calculix[motion.name], delimiter=",", names=True)
         path = _written(folder / f"{motion.name}_calculix.csv", "time", table["time_s"], table, scene.read)
-        transient.append(replace(motion, results=path))
+        transient.append(motion.model_copy(update={"results": path}))
     return replace(scene, static=tuple(static), transient=tuple(transient))
 
 

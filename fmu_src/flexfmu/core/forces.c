@@ -399,7 +399,7 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
         stretch_at(body, at->q, &room->stretch);
         /* A shadow's stretches are where its displacement of second order is. */
         if (body->opened->evades) {
-            if (due(body->slice, (double)(3 * p->stretches * m))) {
+            if (due(body->slice, (double)(p->stretches * m))) {
                 memcpy(room->row, at->q, (size_t)m * sizeof(double));
                 add_along_shapes(body, &room->stretch, 0, -1.0, room->row);
             }

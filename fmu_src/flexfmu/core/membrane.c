@@ -276,19 +276,20 @@ static void leave_stretches(const Body *body, int missed, Stretch *at) {
  * an energy of q + t eta. Stretches are at q, before and after. */
 static void subtract_moved(const Body *body, const double *q, int kept, Stretch *at, double *left, double *moved, double *out) {
     const int64_t m = body->p->modes;
-    const double cost = (double)(3 * body->p->stretches * m), way = kept ? 1.0 : -1.0;
-    if (due(body->slice, cost)) {
+    const int64_t stretches = body->p->stretches;
+    const double way = kept ? 1.0 : -1.0;
+    if (due(body->slice, (double)(stretches * m))) {
         memcpy(left, q, (size_t)m * sizeof(double));
         add_along_shapes(body, at, kept, way, left);
     }
     stretch_at(body, left, at);
-    if (due(body->slice, cost)) {
+    if (due(body->slice, (double)(stretches + m))) {
         memset(moved, 0, (size_t)m * sizeof(double));
         leave_stretches(body, !kept, at);
     }
     if (!over(body->slice)) subtract_stretch_force(body, at, at, moved);
     stretch_at(body, q, at);
-    if (!due(body->slice, cost)) return;
+    if (!due(body->slice, (double)(2 * stretches * m))) return;
     for (int64_t j = 0; j < m; j++) out[j] += moved[j];
     add_through_shapes(body, at, kept, way, moved, out);
 }
