@@ -97,22 +97,25 @@ def reference_loads(
             yield f"{name}_{3 - number}{'' if sign > 0.0 else '_back'}", name, force, state
 
 
+def _bent(model: FlexibleBody, factor: float) -> Iterator[FloatArray]:
+    """So many times the coordinates (m,) under each reference load."""
+    yield from (factor * state.q for *_, state in reference_loads(model))
+
+
 def keeps_its_mass(body: ReducedBody) -> bool:
     """Whether a held body's mass polynomial reaches as far as reference loads bend it that act suddenly."""
     if body.rigid_count or body.mass is not Mass.POLYNOMIAL:
         return True
     model, step = FlexibleBody(body), _SHORT / float(body.angular_frequency[-1])
     still, loads = np.zeros(model.core.modes), np.zeros(model.core.loads)
-    states = (_SUDDEN * state.q for *_, state in reference_loads(model))
-    return "BEYOND_MASS" not in {model.core.step(q, still, loads, step)[0].name for q in states}
+    return "BEYOND_MASS" not in {model.core.step(q, still, loads, step)[0].name for q in _bent(model, _SUDDEN)}
 
 
 def lumps_are_fine(body: ReducedBody) -> bool:
     """Whether the lumps of a held body have its kinetic energy near rest, where the polynomial has it."""
     alike = replace(body, mass_modes=0)
     one, other = (FlexibleBody(alike, mass=mass) for mass in (Mass.POLYNOMIAL, Mass.CONFIGURATION))
-    states = (_NEAR * state.q for *_, state in reference_loads(one))
-    energies = ([q @ model.core.mass(q) @ q for model in (one, other)] for q in states)
+    energies = [[q @ model.core.mass(q) @ q for model in (one, other)] for q in _bent(one, _NEAR)]
     return all(abs(lumps - whole) < _ALIKE * whole for whole, lumps in energies)
 
 
@@ -161,14 +164,15 @@ def mass_modes(body: ReducedBody, lumped: ReducedBody, dear: bool) -> int:
         return known
     more = next(one for one in range(known, modes + 1) if one == modes or off(one) <= _NOTHING)
     moving = FlexibleBody(replace(lumped, mass_modes=more), mass=Mass.CONFIGURATION)
-    return more if not dear or _moves(moving, every) else known
+    loads = [{name: (_HALF * force).tolist()} for _, name, force, _ in every]
+    return more if not dear or _moves(moving, loads) else known
 
 
-def _moves(model: FlexibleBody, every: Sequence[tuple[str, str, FloatArray, State]]) -> bool:
-    """Whether half of loads that act suddenly move a body for half a period in steps that are not dear."""
+def _moves(model: FlexibleBody, cases: list[dict[str, list[float]]]) -> bool:
+    """Whether loads that act suddenly move a body for half a period in steps that are not dear."""
     step = 2.0 * np.pi / (_STEPS * float(model.model.angular_frequency[0]))
-    for _, name, force, _ in every:
-        state, loads, taken = model.rest(), {name: (_HALF * force).tolist()}, 0
+    for loads in cases:
+        state, taken = model.rest(), 0
         for _ in range(_TRIED):
             try:
                 state, work = model.step_with_work(state, loads, step)

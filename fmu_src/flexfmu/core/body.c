@@ -102,11 +102,7 @@ static int complete(Opened *opened) {
     Arena arena = {opened->rule_numbers, 0, RULES * RULE_ROWS * m, 0};
     for (int i = 0; i < RULES; i++) take_rule(&one, &arena, opened->rules + i);
     for (int64_t j = 0; j < m; j++) opened->stiffness[j] = p->omega[j] * p->omega[j];
-    for (int64_t i = 0; i < p->stretches * m; i++) {
-        const int linear = p->stretch_linear[i] != 0.0, acts = p->stretch_sign[i / m] != 0.0;
-        opened->keeps_shapes |= linear && acts;
-        opened->evades |= linear && !acts;
-    }
+    for (int64_t i = 0; i < p->stretches * m; i++) opened->keeps_shapes |= p->stretch_linear[i] != 0.0;
     find_reach(opened);
     return 1;
 }

@@ -17,17 +17,16 @@
 /* Blocks of pieces: of the body, and of a step of Newton's method. Of each `blocks` holds how many each has. */
 enum { BODY, PLACES, FORCES, TANGENT, EASING, FACTORS, SOFTEST, BLOCKS };
 
-/* Of the shadow: what its forces are made in; its coordinates, what is left of its forces, `late` the highest order of that, its
- * tangent, in coordinates of unit energy (e, e). Of the body: its coordinates without elastic ones, what is left of its own forces,
- * tension (T, 4, 3) of its ties. Of interfaces: position and rotation (I, 12), distance and angle (I, 2), `early` without that
- * order. */
+/* Of the shadow: what its forces are made in; its coordinates, what is left of its forces, its tangent, in coordinates of unit
+ * energy (e, e). Of the body: its coordinates without elastic ones, what is left of its own forces, tension (T, 4, 3) of its
+ * ties. Of interfaces: position and rotation (I, 12), and distance and angle (I, 2). */
 typedef struct {
     Configuration at;
     Loads loads;
     ForceRoom scratch;
     TangentRoom tangents;
     Stretch stretch;
-    double *q, *start, *left, *late, *tangent, *scaled, *factor, *rigid, *rest, *tense, *pulled, *moved, *other, *plain, *bent, *error, *early, *found, *rates, *turned, *work;
+    double *q, *start, *left, *tangent, *scaled, *factor, *rigid, *rest, *tense, *pulled, *moved, *other, *plain, *bent, *error, *found, *rates, *turned, *work;
     int64_t *pivot;
     double blocks[2 * BLOCKS];
 } Room;
@@ -48,7 +47,6 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->q = take(arena, m);
     room->start = take(arena, m);
     room->left = take(arena, m);
-    room->late = take(arena, m);
     room->tangent = take(arena, m * m);
     room->scaled = take(arena, m * m);
     room->factor = take(arena, m * m);
@@ -63,8 +61,7 @@ static void take_room(const Body *body, Arena *arena, Room *room) {
     room->rates = take(arena, m);
     room->turned = take(arena, m);
     room->work = take(arena, m);
-    room->error = take(arena, 4 * p->interfaces);
-    room->early = room->error + 2 * p->interfaces;
+    room->error = take(arena, 2 * p->interfaces);
     room->found = take(arena, FOUND);
     room->pivot = (int64_t *)take(arena, m);
 }
@@ -110,7 +107,7 @@ static void residual_of(Body *shadow, Room *room, const double *inputs) {
     modal_force(shadow, &room->loads, 1, &room->at, 0, &room->scratch, room->left);
     const Rows now = rows_due(shadow->slice, p->tied * m, (double)m);
     for (int64_t j = now.at; j < now.end; j++) room->left[j] += dot(p->tie_initial + j * m, room->q, m);
-    subtract_all_forces(shadow, room->q, &room->stretch, room->turned, room->work, room->late, room->left);
+    subtract_all_forces(shadow, room->q, &room->stretch, room->turned, room->work, room->left);
 }
 
 /* Forces and tangent of the shadow at its coordinates. Its joints do not quite fit there, and their own tension would lead
@@ -190,7 +187,6 @@ static int factors_of(Body *shadow, Room *room, int opened) {
         const int64_t a = first + i;
         const double held = shadow->opened->stiffness[a] * room->q[a] + dot(p->embedding + a * p->embedded, room->rest, p->embedded);
         room->left[a] = (room->left[a] - held) / p->omega[a];
-        room->late[a] /= p->omega[a];
         for (int64_t j = 0; j < e; j++) room->scaled[i * e + j] = room->tangent[a * m + first + j] / (p->omega[a] * p->omega[first + j]);
     }
     /* Joints of loops that are opened have no tension yet. */
@@ -246,7 +242,6 @@ static int newton_step(Body *shadow, Room *room, const double *inputs, double *b
     if (over(slice)) return 1;
     if (last) find_softest(shadow, room, blocks);
     lu_solve_one(room->scaled, room->pivot, room->left + first, e, slice);
-    if (last && shadow->opened->evades) lu_solve_one(room->scaled, room->pivot, room->late + first, e, slice);
     if (!due(slice, (double)(12 * e))) return 1;
     if (last && room->found[SOFT] < LEFT && rings(slice, room)) return 0;
     for (int64_t i = 0; i < e; i++) room->q[first + i] += room->left[first + i] / p->omega[first + i];
@@ -334,8 +329,8 @@ static void move_along_shapes(const Body *body, const Body *shadow, const double
     if (!due(shadow->slice, (double)(2 * (body->p->stretch_numbers + s->stretches * s->modes + n * s->modes)))) return;
     memset(room->rigid, 0, (size_t)n * sizeof(double));
     stretch_at(body, q, &own);
-    add_along_shapes(body, &own, 1, 1.0, room->rigid);
-    add_along_shapes(shadow, &room->stretch, 1, -1.0, room->q);
+    add_along_shapes(body, &own, 1.0, room->rigid);
+    add_along_shapes(shadow, &room->stretch, -1.0, room->q);
     for (int64_t i = 0; i < s->modes; i++) room->q[i] += dot(s->embedding + i * n, room->rigid, n);
 }
 
@@ -408,17 +403,6 @@ static void find_softer(const Body *shadow, Room *room) {
     room->found[SOFTER] = energy > 0.0 && room->found[REACH] > 0.0 ? fmin(fabs(along) / energy, most / room->found[REACH]) : 0.0;
 }
 
-/* Errors without what is found of the highest order: it may well take away what is missed beyond it. */
-static void places_without_late(const Body *shadow, Room *room) {
-    const Program *p = shadow->p;
-    if (due(shadow->slice, (double)(12 * p->modes)))
-        for (int64_t i = 0; i < p->modes; i++) room->turned[i] = room->q[i] - (i < p->rigid ? 0.0 : room->late[i] / p->omega[i]);
-    configure(shadow, room->turned, &room->at);
-    if (!due(shadow->slice, (double)(800 * p->interfaces))) return;
-    places_in(p, &room->at, room->other);
-    apart(room->moved, room->other, p->interfaces, room->early);
-}
-
 void pieces_of_error(Body *body, Body *shadow, const double *inputs, const double *q, Arena arena, Slice *slice) {
     const int64_t interfaces = body->p->interfaces;
     Room *room = room_in(shadow, &arena, slice);
@@ -428,7 +412,7 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
     shadow->slice = slice;
     if (due(slice, 0.0)) {
         memset(room->found, 0, FOUND * sizeof(double));
-        memset(room->error, 0, (size_t)(4 * interfaces) * sizeof(double));
+        memset(room->error, 0, (size_t)(2 * interfaces) * sizeof(double));
     }
     int known = body_at(body, shadow, inputs, q, room) && (over(slice) || newton_steps(shadow, room, inputs, opened, again));
     for (double how = 0.0; !known && !slice && room->found[OTHERWISE] > how;) {
@@ -440,12 +424,10 @@ void pieces_of_error(Body *body, Body *shadow, const double *inputs, const doubl
             shadow->slice = 0;
             return;
         }
-        if (shadow->opened->evades && !again && !done_otherwise(slice, room, EASED)) places_without_late(shadow, room);
         configure(shadow, room->q, &room->at);
         if (due(slice, (double)(800 * interfaces))) {
             places_in(shadow->p, &room->at, room->other);
             apart(room->moved, room->other, interfaces, room->error);
-            for (int64_t i = 0; i < interfaces; i++) room->error[2 * i] = fmax(room->error[2 * i], room->early[2 * i]);
             /* A step from so far may lead anywhere. */
             for (int64_t i = 0; i < 2 * interfaces && done_otherwise(slice, room, EASED); i++)
                 room->error[i] = fmin(room->error[i], room->found[i % 2 ? TURNED : REACH]);

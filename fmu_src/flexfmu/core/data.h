@@ -97,7 +97,6 @@ typedef struct Opened {
     Need *lumped;          /* (K): what inertia needs */
     int64_t *alike;        /* of variables: how many from each one on are of one role and type, numbers side by side */
     int keeps_shapes;                    /* whether shapes of second order stay coordinates: some l of (18b) is not zero */
-    int evades;                          /* whether others move where stretches are: those of them that have no energy */
     double rotation_reach, strain_reach; /* how fast deformation can grow with the coordinates */
     double *softens;       /* (L / 3): bounds of what unit forces and moments take off the stability */
     int softens_known;

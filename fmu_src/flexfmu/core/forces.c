@@ -397,14 +397,6 @@ void tangent_stiffness(const Body *body, const Loads *loads, int with_moments, c
     if (p->ties) add_tie_stiffness(body, at, pull, room, out);
     if (p->stretches) {
         stretch_at(body, at->q, &room->stretch);
-        /* A shadow's stretches are where its displacement of second order is. */
-        if (body->opened->evades) {
-            if (due(body->slice, (double)(p->stretches * m))) {
-                memcpy(room->row, at->q, (size_t)m * sizeof(double));
-                add_along_shapes(body, &room->stretch, 0, -1.0, room->row);
-            }
-            stretch_at(body, room->row, &room->stretch);
-        }
         add_stretch_stiffness(body, &room->stretch, out);
     }
     if (p->by_load_given) {

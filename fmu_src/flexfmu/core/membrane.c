@@ -198,10 +198,10 @@ int stretch_towards(const Body *body, const Stretch *from, const double *q, int 
     return turned || !to->moved;
 }
 
-void add_along_shapes(const Body *body, const Stretch *at, int kept, double factor, double *out) {
+void add_along_shapes(const Body *body, const Stretch *at, double factor, double *out) {
     const Program *p = body->p;
     for (int64_t r = 0; r < p->stretches; r++)
-        for (int64_t j = p->rigid; (p->stretch_sign[r] != 0.0) == kept && j < p->modes; j++)
+        for (int64_t j = p->rigid; j < p->modes; j++)
             out[j] += 2.0 * factor * at->bent[r] * p->stretch_linear[r * p->modes + j] / body->opened->stiffness[j];
 }
 
@@ -252,16 +252,14 @@ void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b
 }
 
 /* out (m) += force (m) on coordinates that shapes have left, by all: (d(t eta)/dq)'f, slopes being at q. */
-static void add_through_shapes(const Body *body, const Stretch *at, int kept, double factor, const double *force, double *out) {
+static void add_through_shapes(const Body *body, const Stretch *at, const double *force, double *out) {
     const Program *p = body->p;
     const int64_t m = p->modes;
     Forms forms = NO_FORMS;
     while (next_forms(p, &forms))
         for (int64_t r = forms.first; r < forms.end && !forms.basis; r++) {
             double along = 0.0;
-            if ((p->stretch_sign[r] != 0.0) != kept) continue;
-            for (int64_t j = p->rigid; j < m; j++)
-                along += 4.0 * factor * p->stretch_linear[r * m + j] * force[j] / body->opened->stiffness[j];
+            for (int64_t j = p->rigid; j < m; j++) along += 4.0 * p->stretch_linear[r * m + j] * force[j] / body->opened->stiffness[j];
             add_rows(&along, at->slope + forms.slope + (r - forms.first) * m, out, 1, m);
         }
 }
@@ -272,46 +270,29 @@ static void leave_stretches(const Body *body, int missed, Stretch *at) {
         if ((body->p->stretch_stiff[r] == 0.0) == missed) at->bent[r] = at->whole[r] = 0.0;
 }
 
-/* Forces of what places miss at third order where shapes have gone that stay coordinates, or of all else where those are that do not:
- * an energy of q + t eta. Stretches are at q, before and after. */
-static void subtract_moved(const Body *body, const double *q, int kept, Stretch *at, double *left, double *moved, double *out) {
+void subtract_all_forces(const Body *body, const double *q, Stretch *at, double *left, double *missed, double *out) {
     const int64_t m = body->p->modes;
-    const int64_t stretches = body->p->stretches;
-    const double way = kept ? 1.0 : -1.0;
-    if (due(body->slice, (double)(stretches * m))) {
-        memcpy(left, q, (size_t)m * sizeof(double));
-        add_along_shapes(body, at, kept, way, left);
-    }
-    stretch_at(body, left, at);
-    if (due(body->slice, (double)(stretches + m))) {
-        memset(moved, 0, (size_t)m * sizeof(double));
-        leave_stretches(body, !kept, at);
-    }
-    if (!over(body->slice)) subtract_stretch_force(body, at, at, moved);
+    const double cost = (double)(3 * body->p->stretches * m);
     stretch_at(body, q, at);
-    if (!due(body->slice, (double)(2 * stretches * m))) return;
-    for (int64_t j = 0; j < m; j++) out[j] += moved[j];
-    add_through_shapes(body, at, kept, way, moved, out);
-}
-
-void subtract_all_forces(const Body *body, const double *q, Stretch *at, double *left, double *moved, double *late, double *out) {
-    const int64_t m = body->p->modes;
-    const int keeps = body->opened->keeps_shapes, evades = body->opened->evades;
-    const double cost = (double)(body->p->stretches + m);
-    stretch_at(body, q, at);
-    if (keeps || evades) {
-        subtract_moved(body, q, 1, at, left, moved, out);
+    if (body->opened->keeps_shapes) {
         if (due(body->slice, cost)) {
-            memcpy(late, out, (size_t)m * sizeof(double));
+            memcpy(left, q, (size_t)m * sizeof(double));
+            add_along_shapes(body, at, 1.0, left);
+        }
+        stretch_at(body, left, at);
+        if (due(body->slice, cost)) {
+            memset(missed, 0, (size_t)m * sizeof(double));
+            leave_stretches(body, 0, at);
+        }
+        if (!over(body->slice)) subtract_stretch_force(body, at, at, missed);
+        stretch_at(body, q, at);
+        if (due(body->slice, cost)) {
+            for (int64_t j = 0; j < m; j++) out[j] += missed[j];
+            add_through_shapes(body, at, missed, out);
             leave_stretches(body, 1, at);
         }
     }
-    if (!over(body->slice)) subtract_stretch_force(body, at, at, evades ? late : out);
-    if (!evades) return;
-    stretch_at(body, q, at);
-    subtract_moved(body, q, 0, at, left, moved, out);
-    if (due(body->slice, cost))
-        for (int64_t j = 0; j < m; j++) late[j] = out[j] - late[j];
+    if (!over(body->slice)) subtract_stretch_force(body, at, at, out);
 }
 
 void add_turned_stretch(const Body *body, const Stretch *at, const double *direction, double *out) {

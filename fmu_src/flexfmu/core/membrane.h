@@ -32,13 +32,12 @@ void stretch_from(const Body *body, const double *q, Stretch *from);
  * is near enough; whether that is as good as round-off. */
 int stretch_towards(const Body *body, const Stretch *from, const double *q, int first, Stretch *to);
 /* out (m) += a factor times the sum of t eta, (18b). */
-void add_along_shapes(const Body *body, const Stretch *at, int kept, double factor, double *out);
+void add_along_shapes(const Body *body, const Stretch *at, double factor, double *out);
 double stretch_energy(const Body *body, const Stretch *at);
 /* out -= the discrete gradient of the energy between two places; its derivative where they are one and the same. */
 void subtract_stretch_force(const Body *body, const Stretch *a, const Stretch *b, double *out);
-/* out -= the forces at q. What places miss at third order goes by coordinates `left` (m) without what shapes have, all else by those
- * where shapes are that stay no coordinates, which is `late` (m) of it; `moved` (m) is work room. */
-void subtract_all_forces(const Body *body, const double *q, Stretch *at, double *left, double *moved, double *late, double *out);
+/* out -= the forces at q. What places miss at third order goes by coordinates `left` (m) without what shapes have; `missed` (m) is its. */
+void subtract_all_forces(const Body *body, const double *q, Stretch *at, double *left, double *missed, double *out);
 /* out (m) += what stretch that does not flatten adds to the stiffness along a direction, as it is now turned: no tension. */
 void add_turned_stretch(const Body *body, const Stretch *at, const double *direction, double *out);
 

@@ -62,7 +62,9 @@ static void share(const Body *body, const Surface *s, const double *q, Shared *t
     memset(to->taken, 0, (size_t)m * sizeof(double));
     if (s->kind != POINTS_SECOND_ORDER) return;
     stretch_at(body, q, &to->stretch);
-    add_along_shapes(body, &to->stretch, 1, 1.0, to->taken);
+    for (int64_t r = 0; r < p->stretches; r++)
+        for (int64_t j = p->rigid; j < m; j++)
+            to->taken[j] += 2.0 * to->stretch.bent[r] * p->stretch_linear[r * m + j] / body->opened->stiffness[j];
     rows_times(s->joint, to->taken, to->bent, 6 * p->frames, m);
     for (int64_t i = 0; i < 6 * p->frames; i++) to->bent[i] += half_form(s->bend + i * m * m, q, to->slope, m);
 }

@@ -105,26 +105,24 @@ def quadratic_strain(mesh: Mesh, shapes: FloatArray, pairs: IntArray, tell: Tell
     return forces.reshape(-1, len(pairs)), np.triu(energies) + np.triu(energies, 1).T
 
 
-def mean_spin(mesh: Mesh, shapes: FloatArray, first: int | None = None) -> FloatArray:
+def mean_spin(mesh: Mesh, shapes: FloatArray) -> FloatArray:
     """Mean over the volume of ω_a·ω_b, ω_a = ½ curl φ_a.
 
     Parameters
     ----------
     mesh : Mesh
     shapes : (3n, m) float
-    first : int, optional
-        So many of them beside all; none: all.
 
     Returns
     -------
-    (m or first, m) float
+    (m, m) float
     """
-    total, volume = np.zeros((shapes.shape[1], shapes.shape[1]))[:first], 0.0
+    total, volume = np.zeros((shapes.shape[1], shapes.shape[1])), 0.0
     for some in _some(mesh, shapes.shape[1]):
         turn = some.turn(shapes.reshape(len(mesh.points), 3, -1)) * np.sqrt(some.volume)[:, :, None, None, None]
         rows = turn.reshape(-1, shapes.shape[1])
         # |ω|² is half of the sum over all places of the turn.
-        total += 0.5 * rows[:, :first].T @ rows
+        total += 0.5 * rows.T @ rows
         volume += float(some.volume.sum())
     return total / volume
 

@@ -110,7 +110,7 @@ class Membrane:
             Λ, 1/s².
         """
         shapes = np.divide(self.linear, stiffness, out=np.zeros_like(self.linear), where=stiffness > 0.0)
-        return 4.0 * np.tensordot(shapes * self.sign[:, None] ** 2, self.quadratic, (0, 0))
+        return 4.0 * np.tensordot(shapes, self.quadratic, (0, 0))
 
     def turned(self, turn: FloatArray, stiffness: FloatArray) -> "Membrane":
         """The same in coordinates z with q = turn @ z.
@@ -128,7 +128,7 @@ class Membrane:
         found = []
         for basis, forms, rows in self.groups():
             linear = self.linear[rows] @ turn
-            own = np.any(self.linear[rows] != 0.0, axis=1) & (self.sign[rows] != 0.0)
+            own = np.any(self.linear[rows] != 0.0, axis=1)
             shapes = np.divide(linear[own], stiffness, out=np.zeros_like(linear[own]), where=stiffness > 0.0)
             # What z holds of the shapes, which are of one group, made orthonormal again.
             held, axes = np.linalg.eigh(2.0 * linear[own] @ shapes.T)

@@ -24,7 +24,7 @@ from ..files.outputs import Reporter
 from ..files.store import Store, content_key
 from ..model.inertia import Membrane
 from ..model.reduced_body import ReducedBody
-from .basis import Matrices
+from .basis import TENSE, TURNING, Matrices
 from .fourth_order import STIFF, FourthOrder, energy_shares, pair_products, turning_scale
 from .modes import Modes, balanced
 from .third_order import lever_sums, missed_energy, turning_forces
@@ -75,11 +75,6 @@ _FEW, _KEPT = 24, 1_000_000
 # pairs times unknowns allow. Least deflection of one by a load of unit energy, and part of the softest one's linear
 # energy up to which a square is left out: at 5e-4 a bar told 0.77 of its error.
 _SOFTEST, _ALLOWED, _STIFFEST, _SOFT, _NO_SQUARE, _TAKEN = (10, 36), 1e7, 4, 1e-5, 5e-6, 0.5
-# Energy of a shape that turns material like w, over that of the most turning one, that counts as much as a turn that it
-# misses: a panel that is twisted tells 0.7 of its error at 1e-2. And part of the largest up to which one is left out.
-# Least energy of stretch over that of bending at one radian that stiffens w: 0.05 in a bar, where it is nothing, 0.17
-# in a flat spiral, 0.3 in a leaf, 6 in a panel on a mast, 13 in one that is held along an edge.
-_FAINT, _PARTLY, _TENSE = 1e-5, 1e-2, 0.1
 
 
 @dataclass(frozen=True)
@@ -175,45 +170,16 @@ class Stretching:
         answers *= self._omega[self._pairs].prod(axis=1)
         return answers
 
-    @cached_property
-    def _size(self) -> FloatArray:
-        """How large coordinates (r,) of unit energy get along the directions in motions that turn by `_TURN`."""
-        least = _AMPLITUDE * np.linalg.norm(self.motions, axis=1).min()
-        return _TURN * np.maximum(np.abs(self.motions @ self._directions).max(axis=0), least)
-
-    @cached_property
-    def _root(self) -> FloatArray:
-        """The same of pairs (p,); those of two coordinates stand for two."""
-        first, second = self._pairs.T
-        return np.where(first == second, 1.0, np.sqrt(2.0)) * self._size[first] * self._size[second]
-
-    def _forms(self, energies: FloatArray, least: float) -> FloatArray:
+    def _forms(self, energies: FloatArray, first: IntArray, second: IntArray, least: float) -> FloatArray:
         """Forms (r, p) whose squares add up to an energy (p, p) of pairs of coordinates, but for small ones."""
-        values, vectors = np.linalg.eigh(energies * np.outer(self._root, self._root))
-        softest = np.linalg.norm(self.motions, axis=1).min()
-        kept = values > max(least * values[-1], _LEAST * 0.5 * (_TURN * softest) ** 2)
-        return (vectors[:, kept] * np.sqrt(values[kept]) / self._root[:, None]).T
-
-    def _evading(self, kept: FloatArray) -> Membrane:
-        """What w is beside shapes (k, e) that are coordinates, as far as the basis turns material like it; no energy.
-
-        By energy stretch is most of w, which the basis has by shapes that bend as well.
-        """
-        answers, unit = self._stretches()["answers"], self._shapes / self._omega
-        count, mesh, whole = self._omega.size, self.matrices.model.mesh, self.matrices.supported.whole
-        several = np.split(answers, range(count, answers.shape[1], count), axis=1)
-        turned = np.hstack([mean_spin(mesh, np.hstack([unit, whole(one)]), count)[:, count:] for one in several])
-        known = np.linalg.solve(self._spin + _FAINT * self._spin.diagonal().max() * np.eye(count), turned)
-        shapes, sizes, forms = np.linalg.svd((known - kept.T @ (kept @ known)) * self._root, full_matrices=False)
-        large = sizes > _PARTLY * sizes[0]
-        rows = forms[large] * sizes[large, None] / self._root / np.sqrt(2.0)
-        found = self._membrane_of(rows, shapes.T[large] / np.sqrt(2.0), np.zeros(large.sum()))
-        # In the few coordinates that they know.
-        sized = next(found.groups())[1] * np.outer(self._size, self._size)
-        _, strength, few = np.linalg.svd(sized.reshape(-1, len(self._size)), full_matrices=False)
-        few = few[strength > _PARTLY * strength[0]]
-        basis = few @ (found.basis / self._size[:, None])
-        return Membrane.of(basis, few @ sized @ few.T, found.linear, found.sign, found.stiff)
+        norms, motions = np.linalg.norm(self.motions, axis=1), self.motions @ self._directions
+        # How large coordinates of unit energy get in motions that turn by `_TURN`.
+        size = _TURN * np.maximum(np.abs(motions).max(axis=0), _AMPLITUDE * norms.min())
+        # Pairs of two coordinates stand for two.
+        root = np.where(first == second, 1.0, np.sqrt(2.0)) * size[first] * size[second]
+        values, vectors = np.linalg.eigh(energies * np.outer(root, root))
+        kept = values > max(least * values[-1], _LEAST * 0.5 * (_TURN * norms.min()) ** 2)
+        return (vectors[:, kept] * np.sqrt(values[kept]) / root[:, None]).T
 
     def _flattening(self) -> FloatArray:
         """Energy (p, p) that stress which turns with its material sets free outside the basis."""
@@ -238,7 +204,7 @@ class Stretching:
         -------
         Membrane
         """
-        count = self._omega.size
+        count, (first, second) = self._omega.size, self._pairs.T
         # Rows of forms by pair, and what is linear beside them, in coordinates of unit energy.
         forms, linear, signs = [], [], []
         if stretching:
@@ -248,15 +214,16 @@ class Stretching:
                 spring = self.matrices.model.spring.ravel()
                 pulled = np.sqrt(spring[spring > 0.0, None]) * self.matrices.supported.whole(answers)[spring > 0.0]
                 energies = energies - 0.5 * pulled.T @ pulled
-            forms.append(self._forms(energies, least))
+            forms.append(self._forms(energies, first, second, least))
             if keep_shapes:
                 # w = −C(q, q).
-                shapes = self._turning_shapes(against, answers)
+                shapes = self._turning_shapes(energies, against, answers, least == _FINER)
                 forms.append(shapes.T @ against / np.sqrt(2.0))
                 linear = [np.zeros((len(forms[0]), count)), shapes.T / np.sqrt(2.0)]
             signs = [np.ones(len(rows)) for rows in forms]
         if flattening:
-            forms.append(self._forms(self._flattening(), _FLATTENED if keep_shapes else _FLATTENED_PARTS))
+            small = _FLATTENED if keep_shapes else _FLATTENED_PARTS
+            forms.append(self._forms(self._flattening(), first, second, small))
             signs.append(-np.ones(len(forms[-1])))
         linear += [np.zeros((len(rows), count)) for rows in forms[len(linear) :]]
         return self._membrane_of(np.concatenate(forms), np.concatenate(linear), np.concatenate(signs))
@@ -279,7 +246,7 @@ class Stretching:
         own = self._membrane_of(rows @ self._stretches()["work"], rows, np.ones(len(rows)))
         return Membrane.joined([membrane.shapeless, own])
 
-    def third_order(self, membrane: Membrane, body: ReducedBody, evades: bool) -> Membrane:
+    def third_order(self, membrane: Membrane, body: ReducedBody) -> Membrane:
         """The same, and what the places of a body with it miss at third order in its softest motions under loads."""
         unit, mesh, count = self._shapes / self._omega, self.matrices.model.mesh, self.loads.shape[1] // 2
         # Motions of unit energy, and the loads that cause them, which no rigid motion feels.
@@ -320,8 +287,7 @@ class Stretching:
         forms, signs = missed_energy(body, q, pulls, *stiff, sums, work, least, partial(bushings.third, fields))
         # Stiffness is of fifth order, of which this is a part only.
         more = Membrane.of(rows, forms, np.zeros((len(forms), rows.shape[1])), signs, 0.0 * signs)
-        evades = evades and not (self.part or self._elastic[0]) and energy_shares(self.matrices, self.loads)[0] > _TENSE
-        return Membrane.joined([membrane, more, *([self._evading(shapes)] if evades else [])])
+        return Membrane.joined([membrane, more])
 
     def _refuse_what_does_not_fit(self, pairs: int) -> None:
         """Refuse more pairs than the memory holds, before any is begun."""
@@ -334,24 +300,29 @@ class Stretching:
                 "[reduction]"
             )
 
-    def _turning_shapes(self, against: FloatArray, answers: FloatArray) -> FloatArray:
+    def _turning_shapes(
+        self, energies: FloatArray, against: FloatArray, answers: FloatArray, finer: bool
+    ) -> FloatArray:
         """Orthonormal shapes (e, k) of w that turn the material by more than the square of the motions' angle.
 
         The basis may know a mere shortening by shapes that bend as well: it misses a part of the turn at most.
         """
+        one, other = np.triu_indices(len(self.motions))
         motions = (self.motions @ self._directions).T
-        products = pair_products(*(motions[:, one] for one in np.triu_indices(len(self.motions))))
-        found = against @ products
-        large = (found * (self._spin @ found)).sum(axis=0) > _LARGE**2
+        amplitudes = pair_products(motions[:, one], motions[:, other])
+        size = np.linalg.norm(motions, axis=0)
+        tense = _TURN**2 * (amplitudes * (energies @ amplitudes)).sum(axis=0) > 0.5 * TENSE * size[one] * size[other]
+        found = against @ amplitudes
+        large = (found * (self._spin @ found)).sum(axis=0) > np.where(tense & finer, TURNING, _LARGE) ** 2
         found, unit = found[:, large], self._shapes / self._omega
         if not large.any():
             return found
-        fields = self.matrices.supported.whole(answers @ products[:, large])
+        fields = self.matrices.supported.whole(answers @ amplitudes[:, large])
         mesh = self.matrices.model.mesh
         # How far the material turns (rms), and how far where the basis does not know of it.
         turned, missed = (np.sqrt(mean_spin(mesh, one).diagonal()) for one in (fields, fields - unit @ found))
         known = missed < _MISSED * turned
-        found = found[:, known & np.any(known & (turned > _CLEAR))]
+        found = found[:, known & np.any(known & ((turned > _CLEAR) | (tense & finer)[large]))]
         shapes, sizes, _ = np.linalg.svd(found, full_matrices=False)
         return shapes[:, sizes > _SAME * sizes[:1]]
 
@@ -374,21 +345,21 @@ def membrane_energy(
     Membrane or None
     """
     matrices, report = stretching.matrices, stretching.matrices.report
-    stretched, flattened = bool(wanted), wanted is True
-    least = _FINER if wanted == "finer" else _STRETCH if keep_shapes else _OF_PARTS
+    stretched, flattened, least = bool(wanted), wanted is True, _STRETCH if keep_shapes else _OF_PARTS
+    if wanted == "finer":
+        least = _FINER
     if wanted == "auto":
         held, freed = energy_shares(matrices, stretching.loads[:, : stretching.loads.shape[1] // 2]).tolist()
         stretched, flattened = held > _NOTHING, freed > _FLAT and held < _SHELL
-        words = "left out", "taken along"
         report.detail(
             "membrane energy over that of bending at a turn of 1 rad (rms): "
-            f"{held:.2g} of stretching, {words[stretched]}; {freed:.2g} of flattening, {words[flattened]}"
+            f"{held:.2g} of stretching, {_taken(stretched)}; {freed:.2g} of flattening, {_taken(flattened)}"
         )
     if not stretched and not flattened:
         return None
-    how = stretched, flattened, keep_shapes, least
-    key = content_key(__name__, stretching.key, stretching.loads, stretching.tied, *how)
-    find = partial(stretching.membrane, *how)
+    how = stretching.tied, keep_shapes, stretched, flattened, least
+    key = content_key(__name__, stretching.key, stretching.loads, *how)
+    find = partial(stretching.membrane, stretched, flattened, keep_shapes, least)
     membrane = _kept(matrices, key, "membrane energy", find)
     if not membrane.sign.size:
         return None
@@ -396,19 +367,22 @@ def membrane_energy(
     return membrane
 
 
-def completed_body(stretching: Stretching, body: ReducedBody, evades: bool = False) -> ReducedBody:
+def completed_body(stretching: Stretching, body: ReducedBody) -> ReducedBody:
     """A body that has as energy what its places miss at third order, unless ties work on them, too."""
     if body.ties is not None:
         return body
     none = np.zeros((0, body.mode_count))
     membrane = body.membrane or Membrane.of(none, np.zeros((0, 0, 0)), none, np.zeros(0), np.zeros(0))
-    how = evades, stretching.key, stretching.loads, stretching.part, body.frame_parent, body.joint_displacement
-    places = body.frame_rotation, body.interface_frame
-    key = content_key(__name__, "third order", *how, *places, *asdict(membrane).values())
-    find = partial(stretching.third_order, membrane, body, evades)
+    places = stretching.part, body.frame_parent, body.joint_displacement, body.frame_rotation, body.interface_frame
+    key = content_key(__name__, "third order", stretching.key, stretching.loads, *asdict(membrane).values(), *places)
+    find = partial(stretching.third_order, membrane, body)
     return replace(body, membrane=_kept(stretching.matrices, key, "what places miss at third order", find))
 
 
 def _kept(matrices: Matrices, key: str, title: str, find: Callable[[], Membrane]) -> Membrane:
     kept: dict[str, Any] = matrices.store.arrays(key, title, matrices.report, lambda: asdict(find()))
     return Membrane(**kept)
+
+
+def _taken(along: bool) -> str:
+    return "taken along" if along else "left out"

@@ -148,30 +148,28 @@ def reduced_piece(
 
     def certified() -> Reduced:
         with report.stage("Reduce the body once more, finer, to know its error"):
-            finer, finer_basis = _shadow(divided, basis, every)
+            finer, finer_basis = _shadow(divided, basis, every, body.membrane is not None)
         key, shapes = content_key(__name__, "embedding", basis.key, finer_basis.key), finer_basis.modes.shapes
         found = matrices.kept(key, "embedding", lambda: bodies.embedding(matrices.supported, shapes, own))
 
-        rows = np.zeros((0, body.mode_count)) if body.membrane is None else body.membrane.linear
-
         def known(one: ReducedBody, other: Reduced | None = None) -> Reduced:
-            third, shadow = partial(completed_body, stretching, one, not rows.any()), Shadow(one, found)
+            third, shadow = partial(completed_body, stretching, one), Shadow(one, found)
             return replace(piece, body=replace(body, shadow=shadow), shadow_work=worked, third=third, other=other)
 
         worked, stretching = warping.T @ shapes, finer_basis.stretching(divided)
-        if finer.membrane is None or model.rigid.size:
+        if finer.membrane is None or model.rigid.size or not finer.membrane.linear.any():
             return known(finer)
-        # With the body's shapes as coordinates, and no others.
+        # With the body's shapes as coordinates; whether others belong to them equilibria tell.
+        rows = np.zeros((0, body.mode_count)) if body.membrane is None else body.membrane.linear
         kept = np.sqrt(2.0) * rows[[any(row) for row in rows]] / body.angular_frequency**2
-        alone = None if rows.any() or not finer.membrane.linear.any() else known(finer)
-        return known(replace(finer, membrane=stretching.keeping(finer.membrane, found @ kept.T)), alone)
+        return known(replace(finer, membrane=stretching.keeping(finer.membrane, found @ kept.T)), known(finer))
 
     third = partial(completed_body, basis.stretching(divided), body)
     piece = Reduced(body, work, work, fine, own, span, certified, third)
     return piece
 
 
-def _shadow(divided: _Divided, basis: _Basis, every: FloatArray) -> tuple[ReducedBody, _Basis]:
+def _shadow(divided: _Divided, basis: _Basis, every: FloatArray, stretches: bool) -> tuple[ReducedBody, _Basis]:
     """The body once more, with more frames and all that its basis may lack under loads (3n, l)."""
     matrices, model, loads = basis.matrices.quiet, divided.model, divided.unit_loads()
     finer = bodies.shadow_options(divided.config, divided.subdomains)
@@ -183,6 +181,8 @@ def _shadow(divided: _Divided, basis: _Basis, every: FloatArray) -> tuple[Reduce
     third = partial(kept, "shapes of third order", bases.third_order_loads, (basis.key, far, cut), basis.modes, loads)
     added = [every, third(*bodies.THIRD[far], cut)]
     added.append(kept("shapes of buckling", bases.buckling_loads, (matrices.key, cut), loads, cut))
+    if stretches and not divided.cut:
+        added.append(kept("displacements of second order", bases.turning_loads, matrices.key, loads))
     modes, key = bases.completed_basis(matrices, basis.modes, basis.key, np.hstack(added))
     again = _divided(finer, model, matrices.report, divided.springs, divided.cut)
     if not divided.cut and not model.rigid.size:
